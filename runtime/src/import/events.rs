@@ -16,7 +16,7 @@ impl Conversion<'_> {
         }
         self.line("\n# events");
         let rivals = order::rivals(self);
-        let plans: Vec<Option<Plan>> = (0..rivals.len()).map(|number| self.plan(number, &rivals[number])).collect();
+        let plans: Vec<Option<Plan>> = (0..rivals.len()).map(|number| self.plan(number, rivals[number].clone())).collect();
         let settling = self.settling(&plans);
         for (number, event) in self.sbml.events.iter().enumerate() {
             match &plans[number] {
@@ -57,7 +57,8 @@ impl Conversion<'_> {
     /// the variable.
     pub(super) fn armed(&mut self, number: usize, event: &Event, name: &str) -> Result<Option<String>, Fault> {
         let starts = event.trigger.value(&mut |id| self.start_value(id, 0));
-        let ran = self.first.ran.get(&number).cloned();
+        let delayed = self.first.delayed.get(&number).map(|delayed| &delayed.condition);
+        let ran = self.first.ran.get(&number).or(delayed).cloned();
         if ran.is_none() && (!event.starts_true || starts == Some(0.0)) {
             return Ok(None);
         }

@@ -1,7 +1,7 @@
 //! Events at the start of a run. In SBML they belong to the start: its values are those after them. In the language an event happens in the first step, so that
 //! initial values say what these events set.
 //!
-//! The events are run here on numbers, to know which; initial values are expressions, with the triggers as conditions. Where that cannot be done (a delay, a
+//! The events are run here on numbers, to know which; initial values are expressions, with the triggers as conditions. Where that cannot be done (a
 //! trigger whose value is not known here) the events happen in the first step.
 
 use std::collections::HashMap;
@@ -18,8 +18,18 @@ pub(super) struct First {
     pub(super) values: HashMap<String, Math>,
     /// The events with the condition that each ran under.
     pub(super) ran: HashMap<usize, Math>,
+    /// The events that wait for their delay.
+    pub(super) delayed: HashMap<usize, Delayed>,
     /// Whether what events set is replaced by its initial value in expressions at the start.
     pub(super) before: bool,
+}
+
+/// An event that is triggered at the start and runs after its delay.
+pub(super) struct Delayed {
+    pub(super) condition: Math,
+    pub(super) time: Math,
+    /// The values from the time of the trigger.
+    pub(super) values: Vec<Math>,
 }
 
 /// Runs of events at the start that are followed.
@@ -47,23 +57,28 @@ impl Conversion<'_> {
         let mut held: Vec<bool> = events.iter().map(|event| event.starts_true).collect();
         let mut first = First { before: true, ..First::default() };
         let mut waiting: Vec<Waiting> = vec![];
-        let mut delayed = false;
         for _ in 0..MOST_RUNS {
             for (number, event) in events.iter().enumerate() {
                 let condition = self.after(event.at, &event.trigger, &first.values)?;
                 let Some(holds) = self.number_at_the_start(&condition) else { return Ok(None) };
                 let holds = holds != 0.0;
                 if holds && !held[number] {
-                    delayed |= event.delay.is_some();
                     let values = if event.early_values { Some(self.set_by(event, &first.values)?) } else { None };
-                    waiting.push(Waiting { event: number, condition, values });
+                    match &event.delay {
+                        None => waiting.push(Waiting { event: number, condition, values }),
+                        Some(delay) => {
+                            let time = self.after(event.at, delay, &first.values)?;
+                            let values = values.into_iter().flatten().map(|(_, value)| value).collect();
+                            if first.delayed.insert(number, Delayed { condition, time, values }).is_some() {
+                                return Ok(None);
+                            }
+                        }
+                    }
                 } else if !holds && !event.persistent {
                     waiting.retain(|w| w.event != number);
+                    first.delayed.remove(&number);
                 }
                 held[number] = holds;
-            }
-            if delayed {
-                return Ok(None);
             }
             let Some(next) = self.most_urgent(&waiting, &first.values)? else { return Ok(Some(first)) };
             let Waiting { event, condition, values } = waiting.remove(next);

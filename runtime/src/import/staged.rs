@@ -7,6 +7,7 @@ use super::convert::{Conversion, at};
 use super::document::Event;
 use super::events::comment;
 use super::math::Math;
+use super::order::Rival;
 use super::roles::Role;
 use super::xml::Fault;
 
@@ -22,7 +23,7 @@ pub(super) struct Plan {
     name: String,
     slots: Vec<Slot>,
     /// Other events that it may meet at one instant.
-    rivals: Vec<usize>,
+    rivals: Vec<Rival>,
     /// Its condition may become true again while all slots are taken.
     overlaps: bool,
 }
@@ -38,7 +39,7 @@ struct Slot {
 
 impl Conversion<'_> {
     /// How an event is written that cannot act at once.
-    pub(super) fn plan(&mut self, number: usize, rivals: &[usize]) -> Option<Plan> {
+    pub(super) fn plan(&mut self, number: usize, rivals: Vec<Rival>) -> Option<Plan> {
         let event = &self.sbml.events[number];
         let mixed = self.is_mixed(event);
         if event.assignments.is_empty() || rivals.is_empty() && event.delay.is_none() && !mixed {
@@ -62,7 +63,7 @@ impl Conversion<'_> {
             }
         });
         let slots = slots.collect();
-        Some(Plan { number, name, slots, rivals: rivals.to_vec(), overlaps })
+        Some(Plan { number, name, slots, rivals, overlaps })
     }
 
     /// Whether an expression never changes.
@@ -95,13 +96,14 @@ impl Conversion<'_> {
         let armed = self.armed(plan.number, event, &plan.name)?;
         let unit = self.time_unit();
         let mut aside = vec![];
-        for slot in &plan.slots {
-            let kept = if late && !mixed { vec![] } else { self.set_aside(event, slot)? };
+        for (k, slot) in plan.slots.iter().enumerate() {
+            let (start, time_start) = if k == 0 { self.first_slot(event, plan.number)? } else { (vec![], NEVER.to_owned()) };
+            let kept = if late && !mixed { vec![] } else { self.set_aside(event, slot, &start)? };
             if let Some(due) = &slot.due {
                 self.line(&format!("discrete {due} = 0"));
             }
             if let Some(time) = &slot.time {
-                let line = self.declaration(time, &unit, NEVER, "");
+                let line = self.declaration(time, &unit, &time_start, "");
                 self.line(&format!("discrete {line}"));
             }
             aside.push(kept);
@@ -119,13 +121,31 @@ impl Conversion<'_> {
         Ok(())
     }
 
+    /// The values set aside and the time of an execution that waits from the start on.
+    fn first_slot(&self, event: &Event, number: usize) -> Result<(Vec<String>, String), Fault> {
+        let Some(first) = self.first.delayed.get(&number) else { return Ok((vec![], NEVER.to_owned())) };
+        let values = first.values.iter().map(|value| self.text(event.at, value)).collect::<Result<_, _>>()?;
+        let time = self.text(event.at, &first.time)?;
+        if first.condition.names().is_empty() {
+            return Ok((values, time));
+        }
+        let never = self.never();
+        Ok((values, format!("if {} then {time} else {never}", self.truth(event.at, &first.condition)?)))
+    }
+
+    /// A time that does not come, with its unit.
+    fn never(&self) -> String {
+        let unit = self.time_unit();
+        if self.bare || unit == "1" { NEVER.to_owned() } else { format!("{NEVER} [{unit}]") }
+    }
+
     /// Declares a variable for each value that is set aside.
-    fn set_aside(&mut self, event: &Event, slot: &Slot) -> Result<Vec<String>, Fault> {
+    fn set_aside(&mut self, event: &Event, slot: &Slot, start: &[String]) -> Result<Vec<String>, Fault> {
         let mut names = vec![];
-        for (place, id, _) in &event.assignments {
+        for (k, (place, id, _)) in event.assignments.iter().enumerate() {
             let symbol = self.symbol(id).ok_or_else(|| at(*place, format!("unknown symbol `{id}`")))?.clone();
             let name = self.names.fresh(&format!("{}_at_{}", self.names.of(id), slot.name));
-            let line = self.declaration(&name, &self.unit(&symbol), "0", "set aside by the event");
+            let line = self.declaration(&name, &self.unit(&symbol), start.get(k).map_or("0", String::as_str), "set aside by the event");
             self.line(&format!("discrete {line}"));
             names.push(name);
         }
@@ -197,10 +217,9 @@ impl Conversion<'_> {
 
     /// What empties a slot.
     fn forgotten(&self, slot: &Slot) -> Vec<String> {
-        let unit = self.time_unit();
-        let unit = if self.bare || unit == "1" { String::new() } else { format!(" [{unit}]") };
+        let never = self.never();
         let due = slot.due.iter().map(|due| format!("next {due} = 0"));
-        due.chain(slot.time.iter().map(|time| format!("next {time} = {NEVER}{unit}"))).collect()
+        due.chain(slot.time.iter().map(|time| format!("next {time} = {never}"))).collect()
     }
 
     /// The end of a delay, where the execution waits for its turn after it.
@@ -227,9 +246,9 @@ impl Conversion<'_> {
             first.extend(settling.map(str::to_owned));
         }
         first.extend(plan.slots[..slot].iter().filter_map(|s| s.due.clone()));
-        for rival in plan.rivals.iter().filter_map(|number| plans[*number].as_ref()) {
-            let dues = rival.slots.iter().filter_map(|s| s.due.as_ref());
-            match self.goes_before(rival.number, plan.number)? {
+        for (rival, other) in plan.rivals.iter().filter_map(|rival| Some((rival, plans[rival.number].as_ref()?))) {
+            let dues = other.slots.iter().filter_map(|s| s.due.as_ref());
+            match self.goes_before(rival, plan.number)? {
                 Before::Always => first.extend(dues.cloned()),
                 Before::When(condition) => first.extend(dues.map(|due| format!("if {condition} then {due} else 0"))),
                 Before::Never => {}
@@ -244,9 +263,9 @@ impl Conversion<'_> {
     }
 
     /// Whether an event is executed before another one that is due as well.
-    fn goes_before(&self, rival: usize, own: usize) -> Result<Before, Fault> {
-        let (first, second) = (&self.sbml.events[rival], &self.sbml.events[own]);
-        let earlier = rival < own;
+    fn goes_before(&self, rival: &Rival, own: usize) -> Result<Before, Fault> {
+        let (first, second) = (&self.sbml.events[rival.number], &self.sbml.events[own]);
+        let earlier = rival.number < own;
         let (a, b) = match (&first.priority, &second.priority) {
             (None, None) => return Ok(if earlier { Before::Always } else { Before::Never }),
             (Some(_), None) => return Ok(Before::Always),
@@ -254,7 +273,7 @@ impl Conversion<'_> {
             (Some(a), Some(b)) => (a, b),
         };
         if let (Some(a), Some(b)) = (a.constant(), b.constant()) {
-            if a == b && !earlier {
+            if a == b && !earlier && rival.direct {
                 let message = format!(
                     "the events `{}` and `{}` have one priority and may act on one another at one instant: SBML chooses at random",
                     first.id, second.id
