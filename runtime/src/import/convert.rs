@@ -32,7 +32,7 @@ pub(super) struct Conversion<'s> {
     pub(super) bare: bool,
     /// Steps of following symbols to their starts, which have a limit.
     pub(super) steps: std::cell::Cell<u32>,
-    /// What events set.
+    /// Symbols that events set.
     pub(super) targets: HashSet<String>,
     /// The events at the start of a run.
     pub(super) first: First,

@@ -42,7 +42,7 @@ impl Conversion<'_> {
         Ok(format!("{value} {} 0", if made.at_zero { ">=" } else { ">" }))
     }
 
-    /// Whether an expression changes at events only.
+    /// Returns true for an expression that changes at events only.
     fn steps(&self, math: &Math) -> bool {
         let still = |id: &String| !matches!(self.roles.of(id), Some(Role::State | Role::Variable));
         let behind = |id: &String| {
@@ -100,7 +100,7 @@ impl Conversion<'_> {
         Ok(())
     }
 
-    /// What changes a symbol at an event.
+    /// The keyword that changes a symbol at an event.
     pub(super) fn keyword(&self, id: &str) -> &'static str {
         if self.roles.of(id) == Some(Role::State) { "reset" } else { "next" }
     }
@@ -127,7 +127,7 @@ impl Conversion<'_> {
         self.compartment_name(symbol)
     }
 
-    /// Whether an event sets something from what it sets elsewhere: the values are those from before it.
+    /// Returns true for an event that sets a symbol from another one that it sets, of which it takes the value from before.
     pub(super) fn is_mixed(&self, event: &Event) -> bool {
         let reads = |id: &str, math: &Math| {
             let mut reads = self.read_by(math);

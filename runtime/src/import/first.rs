@@ -14,13 +14,13 @@ use super::xml::Fault;
 /// Events that run at the start.
 #[derive(Default)]
 pub(super) struct First {
-    /// What symbols are after these events, by what they are before.
+    /// The values of symbols after these events, as expressions of those before.
     pub(super) values: HashMap<String, Math>,
     /// The events with the condition that each ran under.
     pub(super) ran: HashMap<usize, Math>,
     /// The events that wait for their delay.
     pub(super) delayed: HashMap<usize, Delayed>,
-    /// Whether what events set is replaced by its initial value in expressions at the start.
+    /// Expressions at the start read the initial values of symbols that events set.
     pub(super) before: bool,
 }
 
@@ -113,7 +113,7 @@ impl Conversion<'_> {
         Ok(best.map(|(place, _)| place))
     }
 
-    /// What an event sets, as expressions at the start.
+    /// The values that an event sets, as expressions at the start.
     fn set_by(&self, event: &Event, now: &Values) -> Result<Vec<(String, Math)>, Fault> {
         let one = |(place, id, math): &(usize, String, Math)| Ok((id.clone(), self.after(*place, math, now)?));
         event.assignments.iter().map(one).collect()

@@ -88,7 +88,8 @@ fn attributes(node: Node<'_, '_>) -> Result<(), Fault> {
 
 fn math_attributes(node: Node<'_, '_>) -> Result<(), Fault> {
     let mut names = node.attributes().filter(|a| a.namespace().is_none()).map(|a| a.name());
-    match names.find(|name| !MATH.contains(name) && !(*name == "units" && tag(node) == "cn")) {
+    let known = |name: &&str| MATH.contains(name) || *name == "units" && tag(node) == "cn";
+    match names.find(|name| !known(name)) {
         Some(name) => Err(fault(node, format!("the attribute `{name}` of `{}` in MathML is not known", tag(node)))),
         None => Ok(()),
     }

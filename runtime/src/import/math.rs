@@ -289,7 +289,7 @@ impl Math {
         names
     }
 
-    /// Whether it compares for equality, or takes a number as a truth value.
+    /// Returns true for comparisons for equality, and numbers as truth values.
     pub(super) fn has_equality(&self) -> bool {
         let mut found = false;
         self.each(&mut |part| {
@@ -323,7 +323,7 @@ impl Math {
         }
     }
 
-    /// Whether it reads the time or a rate.
+    /// Returns true for an expression that reads the time or a rate.
     pub(super) fn is_timed(&self) -> bool {
         let mut found = self.has_rates();
         self.each(&mut |part| found |= *part == Math::Time);
@@ -335,7 +335,7 @@ impl Math {
         if self.is_timed() { None } else { self.value(&mut |_| None) }
     }
 
-    /// Whether it reads a rate.
+    /// Returns true for an expression that reads a rate.
     pub(super) fn has_rates(&self) -> bool {
         let mut found = false;
         self.each(&mut |part| found |= matches!(part, Math::RateOf(_)));

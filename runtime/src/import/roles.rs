@@ -187,7 +187,7 @@ fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
     sbml.events.iter().flat_map(of_event).collect()
 }
 
-/// Whether the initial value of a parameter needs the size of a compartment that is not a parameter.
+/// Returns true for a parameter whose initial value needs the size of a compartment that is not a parameter.
 fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<String>, symbol: &Symbol) -> bool {
     let Kind::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else { return false };
     if roles.get(&symbol.id) != Some(&Role::Parameter) || roles.get(compartment) == Some(&Role::Parameter) {

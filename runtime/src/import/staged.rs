@@ -14,10 +14,10 @@ use super::xml::Fault;
 /// A time that does not come.
 const NEVER: &str = "1e300";
 
-/// How many executions of one event can wait at once, where its condition may become true again before the first.
+/// The number of executions of one event that can wait at once, if its condition may become true again before the first.
 const SLOTS: usize = 4;
 
-/// How a staged event is written.
+/// Names of the parts of a staged event.
 pub(super) struct Plan {
     number: usize,
     name: String,
@@ -38,7 +38,7 @@ struct Slot {
 }
 
 impl Conversion<'_> {
-    /// How an event is written that cannot act at once.
+    /// Names the parts of an event that cannot act at once; `None` for one that can.
     pub(super) fn plan(&mut self, number: usize, rivals: Vec<Rival>) -> Option<Plan> {
         let event = &self.sbml.events[number];
         let mixed = self.is_mixed(event);
@@ -49,7 +49,11 @@ impl Conversion<'_> {
         let reads = self.read_by(&event.trigger);
         let others = self.sbml.events.iter().enumerate().filter(|(other, _)| *other != number);
         let disturbed = others.flat_map(|(_, event)| event.targets()).any(|id| reads.iter().any(|read| read == id));
-        let once = matches!(&event.trigger, Math::Apply(">" | ">=", sides) if sides[0] == Math::Time && self.steps_alone(&sides[1]));
+        let once = match &event.trigger {
+            Math::Apply(">" | ">=", sides) => sides.len() == 2 && sides[0] == Math::Time && self.is_fixed(&sides[1]),
+            Math::Apply("<" | "<=", sides) => sides.len() == 2 && sides[1] == Math::Time && self.is_fixed(&sides[0]),
+            _ => false,
+        };
         let overlaps = if event.delay.is_some() { !once } else { event.persistent && disturbed };
         let count = if overlaps && event.delay.is_some() { SLOTS } else { 1 };
         let ordered = !rivals.is_empty();
@@ -66,8 +70,8 @@ impl Conversion<'_> {
         Some(Plan { number, name, slots, rivals, overlaps })
     }
 
-    /// Whether an expression never changes.
-    fn steps_alone(&self, math: &Math) -> bool {
+    /// Returns true for a number or a parameter.
+    fn is_fixed(&self, math: &Math) -> bool {
         matches!(math, Math::Number(..)) || matches!(math, Math::Name(id) if self.roles.of(id) == Some(Role::Parameter))
     }
 
@@ -152,7 +156,7 @@ impl Conversion<'_> {
         Ok(names)
     }
 
-    /// What sets the values aside: variables with their values.
+    /// Variables that keep the values of an event, with these values.
     fn captured(&self, event: &Event, aside: &[String]) -> Result<Vec<(String, String)>, Fault> {
         let with_values = event.assignments.iter().zip(aside);
         with_values.map(|((place, _, math), name)| Ok((name.clone(), self.text(*place, &self.checked(*place, math)?)?))).collect()
@@ -215,7 +219,7 @@ impl Conversion<'_> {
         Some(lost)
     }
 
-    /// What empties a slot.
+    /// Statements that empty a slot.
     fn forgotten(&self, slot: &Slot) -> Vec<String> {
         let never = self.never();
         let due = slot.due.iter().map(|due| format!("next {due} = 0"));
@@ -262,7 +266,7 @@ impl Conversion<'_> {
         })
     }
 
-    /// Whether an event is executed before another one that is due as well.
+    /// The condition under which an event is executed before another one that is due as well.
     fn goes_before(&self, rival: &Rival, own: usize) -> Result<Before, Fault> {
         let (first, second) = (&self.sbml.events[rival.number], &self.sbml.events[own]);
         let earlier = rival.number < own;
@@ -312,7 +316,7 @@ impl Conversion<'_> {
     }
 }
 
-/// Whether one event is executed before another.
+/// The order of two events.
 enum Before {
     Always,
     Never,
@@ -320,7 +324,7 @@ enum Before {
 }
 
 impl Slot {
-    /// Whether an execution waits in it.
+    /// The condition that an execution waits in it.
     fn taken(&self) -> String {
         let due = self.due.iter().map(|due| format!("{due} > 0.5"));
         let time = self.time.iter().map(|time| format!("value({time}) < 1e299"));

@@ -61,7 +61,7 @@ impl Conversion<'_> {
         }
     }
 
-    /// Whether an event at the start sets it.
+    /// Returns true for a symbol that an event at the start sets.
     fn set_at_the_start(&self, id: &str) -> bool {
         self.first.ran.keys().any(|event| self.sbml.events[*event].targets().any(|target| target == id))
     }

@@ -19,7 +19,7 @@ struct Seen<'a> {
     weak: bool,
     comparisons: usize,
     strict_time: bool,
-    /// Whether an expression changes at events only.
+    /// Returns true for an expression that changes at events only.
     steps: &'a dyn Fn(&Math) -> bool,
 }
 
