@@ -20,7 +20,7 @@ impl Conversion<'_> {
         let settling = self.settling(&plans);
         for (number, event) in self.sbml.events.iter().enumerate() {
             match &plans[number] {
-                Some(plan) => self.staged(event, plan, &plans, settling.as_deref())?,
+                Some(plan) => self.staged(event, plan, &plans, &settling)?,
                 None => self.simple(number, event)?,
             }
         }

@@ -75,28 +75,35 @@ impl Conversion<'_> {
         matches!(math, Math::Number(..)) || matches!(math, Math::Name(id) if self.roles.of(id) == Some(Role::Parameter))
     }
 
-    /// Declares the flag by which events run one by one.
-    pub(super) fn settling(&mut self, plans: &[Option<Plan>]) -> Option<String> {
-        plans.iter().flatten().find(|plan| !plan.rivals.is_empty())?;
-        let (flag, event) = (self.names.fresh("settling"), self.names.fresh("settled"));
-        self.line("# Events that may act on one another run one by one, and triggers are looked at in between.");
-        self.line(&format!("discrete {flag} = 0"));
-        self.line(&format!("event {event} when {flag} > 0.5"));
-        self.line(&format!("at {event} {{ next {flag} = 0 }}"));
-        Some(flag)
+    /// Declares the flags by which events run one by one: one for executions, one for what they set in a round of its own.
+    pub(super) fn settling(&mut self, plans: &[Option<Plan>]) -> Vec<String> {
+        let ordered = |plan: &&Plan| !plan.rivals.is_empty();
+        let in_two = |plan: &Plan| {
+            let event = &self.sbml.events[plan.number];
+            !event.early_values && self.is_mixed(event)
+        };
+        let rounds = match plans.iter().flatten().filter(ordered).any(in_two) {
+            true => 2,
+            false => usize::from(plans.iter().flatten().any(|plan| ordered(&plan))),
+        };
+        if rounds > 0 {
+            self.line("# Events that may act on one another run one by one, and triggers are looked at in between.");
+        }
+        let mut flags = vec![];
+        for _ in 0..rounds {
+            let (flag, event) = (self.names.fresh("settling"), self.names.fresh("settled"));
+            self.line(&format!("discrete {flag} = 0"));
+            self.line(&format!("event {event} when {flag} > 0.5"));
+            self.line(&format!("at {event} {{ next {flag} = 0 }}"));
+            flags.push(flag);
+        }
+        flags
     }
 
-    pub(super) fn staged(&mut self, event: &Event, plan: &Plan, plans: &[Option<Plan>], settling: Option<&str>) -> Result<(), Fault> {
+    pub(super) fn staged(&mut self, event: &Event, plan: &Plan, plans: &[Option<Plan>], settling: &[String]) -> Result<(), Fault> {
         let mixed = self.is_mixed(event);
         let late = !event.early_values;
         let ordered = !plan.rivals.is_empty();
-        if late && mixed && ordered {
-            let message = format!(
-                "the event `{}` sets symbols from one another by values of the time of its execution, and may meet other events there",
-                event.id
-            );
-            return Err(at(event.at, message));
-        }
         let armed = self.armed(plan.number, event, &plan.name)?;
         let unit = self.time_unit();
         let mut aside = vec![];
@@ -114,14 +121,37 @@ impl Conversion<'_> {
         }
         self.triggered(event, plan, &aside, armed.as_deref())?;
         for (k, slot) in plan.slots.iter().enumerate() {
-            let capture = if late && mixed && event.delay.is_some() { self.captured(event, &aside[k])? } else { vec![] };
+            let capture = if late && mixed && !ordered && event.delay.is_some() { self.captured(event, &aside[k])? } else { vec![] };
             self.arrival(slot, capture);
             let condition = self.turn(plan, k, plans, settling)?;
             let note = if k == 0 { comment(event) } else { String::new() };
             self.line(&format!("event {} when {condition}{note}", slot.name));
-            let lines = self.executed_lines(event, slot, &aside[k], settling.filter(|_| ordered))?;
-            self.block(&slot.name, &lines);
+            let flag = settling.first().filter(|_| ordered);
+            let ends = slot.due.iter().map(|due| format!("next {due} = 0"));
+            let ends = ends.chain(flag.map(|flag| format!("next {flag} = 1"))).collect();
+            match settling.last() {
+                Some(last) if late && mixed && ordered => self.in_two_rounds(event, slot, &aside[k], last, ends)?,
+                _ => {
+                    let lines = self.executed_lines(event, slot, &aside[k], ends)?;
+                    self.block(&slot.name, &lines);
+                }
+            }
         }
+        Ok(())
+    }
+
+    /// An execution that first sets its values aside, all from before it, and sets the symbols in the next round of events.
+    fn in_two_rounds(&mut self, event: &Event, slot: &Slot, aside: &[String], settling: &str, ends: Vec<String>) -> Result<(), Fault> {
+        let (flag, sets) = (self.names.fresh(&format!("{}_taken", slot.name)), self.names.fresh(&format!("{}_sets", slot.name)));
+        let mut lines: Vec<String> = self.captured(event, aside)?.into_iter().map(|(own, value)| format!("next {own} = {value}")).collect();
+        lines.extend(ends);
+        lines.push(format!("next {flag} = 1"));
+        self.block(&slot.name, &lines);
+        self.line(&format!("discrete {flag} = 0"));
+        self.line(&format!("event {sets} when {flag} > 0.5"));
+        let ends = vec![format!("next {flag} = 0"), format!("next {settling} = 1")];
+        let lines = self.executed_lines(event, slot, aside, ends)?;
+        self.block(&sets, &lines);
         Ok(())
     }
 
@@ -169,7 +199,7 @@ impl Conversion<'_> {
             Some(math) => Some(format!("{} + {}", self.time_name(), self.factor(event.at, &self.checked(event.at, math)?)?)),
             None => None,
         };
-        let early = event.early_values || self.is_mixed(event) && delay.is_none();
+        let early = event.early_values || self.is_mixed(event) && delay.is_none() && plan.rivals.is_empty();
         let (mut lines, mut before) = (vec![], vec![]);
         before.extend(armed.map(|armed| format!("{armed} > 0.5")));
         for (slot, aside) in plan.slots.iter().zip(aside) {
@@ -238,7 +268,7 @@ impl Conversion<'_> {
     }
 
     /// When it is the turn of a slot: it is due, and nothing that goes before it is.
-    fn turn(&self, plan: &Plan, slot: usize, plans: &[Option<Plan>], settling: Option<&str>) -> Result<String, Fault> {
+    fn turn(&self, plan: &Plan, slot: usize, plans: &[Option<Plan>], settling: &[String]) -> Result<String, Fault> {
         let own = &plan.slots[slot];
         let due = match (&own.due, &own.time) {
             (Some(due), _) => due,
@@ -247,7 +277,7 @@ impl Conversion<'_> {
         };
         let mut first: Vec<String> = vec![];
         if !plan.rivals.is_empty() {
-            first.extend(settling.map(str::to_owned));
+            first.extend_from_slice(settling);
         }
         first.extend(plan.slots[..slot].iter().filter_map(|s| s.due.clone()));
         for (rival, other) in plan.rivals.iter().filter_map(|rival| Some((rival, plans[rival.number].as_ref()?))) {
@@ -292,7 +322,7 @@ impl Conversion<'_> {
     }
 
     /// The execution. Amounts come first: they are made with the sizes before the event.
-    fn executed_lines(&self, event: &Event, slot: &Slot, aside: &[String], settling: Option<&str>) -> Result<Vec<String>, Fault> {
+    fn executed_lines(&self, event: &Event, slot: &Slot, aside: &[String], ends: Vec<String>) -> Result<Vec<String>, Fault> {
         let mut lines: Vec<(u8, String)> = vec![];
         for (number, (place, id, math)) in event.assignments.iter().enumerate() {
             let size = self.own_size(id);
@@ -307,11 +337,10 @@ impl Conversion<'_> {
         }
         lines.sort_by_key(|(rank, _)| *rank);
         let mut lines: Vec<String> = lines.into_iter().map(|(_, line)| line).collect();
-        lines.push(match &slot.due {
-            Some(due) => format!("next {due} = 0"),
-            None => self.forgotten(slot).concat(),
-        });
-        lines.extend(settling.map(|flag| format!("next {flag} = 1")));
+        if slot.due.is_none() {
+            lines.extend(self.forgotten(slot));
+        }
+        lines.extend(ends);
         Ok(lines)
     }
 }
