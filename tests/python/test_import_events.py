@@ -31,7 +31,9 @@ def event(name, trigger, sets, delay=None, priority=None, initial=True, persiste
 
     assigned = "".join(f'<eventAssignment variable="{k}">{math(v)}</eventAssignment>' for k, v in sets.items())
     extra = "".join(
-        f"<{tag}>{math(value)}</{tag}>" for tag, value in [("priority", priority), ("delay", delay)] if value is not None
+        f"<{tag}>{math(value)}</{tag}>"
+        for tag, value in [("priority", priority), ("delay", delay)]
+        if value is not None
     )
     head = f'<trigger initialValue="{flag(initial)}" persistent="{flag(persistent)}">{math(trigger)}</trigger>'
     return (
@@ -41,9 +43,8 @@ def event(name, trigger, sets, delay=None, priority=None, initial=True, persiste
 
 
 def sbml(parts):
-    return (
-        f'<?xml version="1.0" encoding="UTF-8"?><sbml xmlns="{CORE}" level="3" version="2"><model id="m">{parts}</model></sbml>'
-    )
+    head = f'<?xml version="1.0" encoding="UTF-8"?><sbml xmlns="{CORE}" level="3" version="2">'
+    return f'{head}<model id="m">{parts}</model></sbml>'
 
 
 def parameters(values, rates=()):
@@ -93,7 +94,7 @@ def test_simultaneous_events_use_the_values_of_the_trigger_time(run, method):
 
 
 def test_late_values_see_what_events_of_higher_priority_set(run):
-    # F goes first (10 > 1): b = 3, and then a = 2 b = 6 with the values of the execution, 2 * 5 = 10 with those of the trigger.
+    # F goes first (10 > 1): b = 3. Then a = 2 b = 6 with the values of the execution, 2 * 5 = 10 with those of the trigger.
     def text(early):
         return sbml(
             parameters({"x": 0.0, "a": 2.0, "b": 5.0}, {"x": 1})
@@ -138,7 +139,8 @@ def test_priorities_that_change_decide_at_the_time_of_the_execution(run):
 def test_a_delayed_event_acts_after_its_delay(run, method, early, expected):
     # x = t passes 1 and the event acts at 1.6, with x as it was at 1 or as it is at 1.6.
     text = sbml(
-        parameters({"x": 0.0, "y": -1.0}, {"x": 1}) + events(event("E", ("gt", "x", 1), {"y": "x"}, delay=0.6, early=early))
+        parameters({"x": 0.0, "y": -1.0}, {"x": 1})
+        + events(event("E", ("gt", "x", 1), {"y": "x"}, delay=0.6, early=early))
     )
     found, _ = run(text, 0.5, 4, "--method", method)
     np.testing.assert_allclose(found["y"], [-1, -1, -1, -1, expected], atol=1e-7)
@@ -149,7 +151,9 @@ def test_executions_wait_one_behind_another(run, persistent, expected):
     # sin(t) > 0.5 at pi/6 and every 2 pi, until 5 pi/6: after the delay of 10 it has ceased to hold.
     text = sbml(
         parameters({"x": 0.0, "n": 0.0}, {"x": 1})
-        + events(event("E", ("gt", ("sin", "x"), 0.5), {"n": ("plus", "n", 1)}, delay=10, persistent=persistent, early=False))
+        + events(
+            event("E", ("gt", ("sin", "x"), 0.5), {"n": ("plus", "n", 1)}, delay=10, persistent=persistent, early=False)
+        )
     )
     found, _ = run(text, 0.5, 36)
     assert found["n_"][::12].tolist() == expected
@@ -215,8 +219,10 @@ COMPARTMENT = (
 
 def test_an_event_that_resizes_a_compartment_leaves_the_amount_of_a_species_with_a_rate_rule(run):
     # S' = 0.4 and C' = 0.2 until C is put to 0.2 at 0.45: the amount (2 + 0.18) (0.5 + 0.09) stays.
-    rules = f'<listOfRules><rateRule variable="S">{math(0.4)}</rateRule><rateRule variable="C">{math(0.2)}</rateRule></listOfRules>'
-    text = sbml(COMPARTMENT + rules + events(event("E", ("geq", "time", 0.45), {"C": 0.2})))
+    rules = "".join(f'<rateRule variable="{k}">{math(v)}</rateRule>' for k, v in {"S": 0.4, "C": 0.2}.items())
+    text = sbml(
+        COMPARTMENT + f"<listOfRules>{rules}</listOfRules>" + events(event("E", ("geq", "time", 0.45), {"C": 0.2}))
+    )
     found, _ = run(text, 0.3, 3)
     after = 2.18 * 0.59 / 0.2
     np.testing.assert_allclose(found["S"], [2, 2.12, after + 0.4 * 0.15, after + 0.4 * 0.45], rtol=1e-7)
@@ -229,3 +235,88 @@ def test_a_concentration_set_with_its_compartment_counts_for_the_size_before(run
     found, _ = run(text, 0.3, 2)
     np.testing.assert_allclose(found["S"], [2, 2, 0.5])
     np.testing.assert_allclose(found["C"], [0.5, 0.5, 0.2])
+
+
+def test_a_delay_from_the_start_takes_the_values_of_the_start(run):
+    # E waits from 0 on with the value x = 1 although F sets x to 5 there.
+    text = sbml(
+        parameters({"x": 1.0, "y": 0.0, "z": 0.0}, {"z": 1})
+        + events(
+            event("E", ("lt", "x", 2), {"y": "x"}, delay=0.5, priority=2, initial=False),
+            event("F", ("lt", "x", 2), {"x": 5}, priority=1, initial=False),
+        )
+    )
+    found, _ = run(text, 0.4, 2)
+    assert found["x"].tolist() == [5, 5, 5]
+    assert found["y"].tolist() == [0, 0, 1]
+
+
+def production(law, local=""):
+    """One reaction that makes S."""
+    return (
+        '<listOfReactions><reaction id="J" reversible="false"><listOfProducts>'
+        '<speciesReference species="S" stoichiometry="1" constant="true"/></listOfProducts>'
+        f"<kineticLaw>{law}{local}</kineticLaw></reaction></listOfReactions>"
+    )
+
+
+def test_the_rate_of_a_parameter_of_a_reaction_is_zero(run):
+    # A parameter of the model with the same name moves.
+    rate = '<csymbol encoding="text" definitionURL="http://www.sbml.org/sbml/symbols/rateOf">rateOf</csymbol>'
+    law = f'<math xmlns="{MATHML}"><apply>{rate}<ci>k</ci></apply></math>'
+    local = '<listOfLocalParameters><localParameter id="k" value="3"/></listOfLocalParameters>'
+    place = COMPARTMENT.replace('Condition="true"', 'Condition="false"')
+    found, _ = run(sbml(place + parameters({"k": 1.0}, {"k": 2}) + production(law, local)), 1.0, 2)
+    np.testing.assert_allclose(found["S"], [2, 2, 2])
+
+
+def test_a_compartment_without_dimensions_has_a_size_in_level_3(run):
+    # 1.5 per time into the size 2: S' = 0.75.
+    place = COMPARTMENT.replace('"3" size="0.5" constant="false"', '"0" size="2" constant="true"')
+    place = place.replace('Condition="true"', 'Condition="false"')
+    found, _ = run(sbml(place + production(math(1.5))), 1.0, 2)
+    np.testing.assert_allclose(found["S"], [2, 2.75, 3.5])
+
+
+def random_events(seed):
+    """Two to four events on two parameters and two states, with priorities, delays and both kinds of values."""
+    draw = np.random.default_rng(seed)
+
+    def one(of):
+        return of[draw.integers(len(of))]
+
+    def value():
+        name = str(one(["a", "b", "x", "y"]))
+        return one([0.7, ("plus", name, 0.4), ("times", 0.5, name), ("minus", name, "b")])
+
+    def condition(number):
+        crossing = (str(one(["gt", "lt"])), str(one(["x", "y", "a", "b"])), round(float(draw.uniform(0.3, 2.5)), 3))
+        return one([("gt", "time", 0.73 + 0.29 * number), crossing])
+
+    count = int(draw.integers(2, 5))
+    priorities = draw.permutation(8)[:count]
+    made = []
+    for number in range(count):
+        sets = {str(name): value() for name in draw.permutation(["a", "b", "x", "y"])[: draw.integers(1, 3)]}
+        flags = {key: bool(draw.integers(2)) for key in ("early", "initial")}
+        delay = one([None, None, 0.4137, 0.8731])
+        priority = int(priorities[number])
+        made.append(event(f"E{number}", condition(number), sets, delay=delay, priority=priority, **flags))
+    start = {"a": 1.0, "b": 0.5, "x": 0.2, "y": 2.0}
+    rates = {"x": ("minus", 1, ("times", 0.3, "x")), "y": ("times", -0.4, "y")}
+    return sbml(parameters(start, rates) + events(*made)), start
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_random_events_agree_with_libroadrunner(seed, run):
+    roadrunner = pytest.importorskip("roadrunner", reason="libRoadRunner is not installed")
+    roadrunner.Logger.setLevel(roadrunner.Logger.LOG_FATAL)
+    text, start = random_events(seed)
+    found, _ = run(text, 0.1, 40, "--max-step", "0.02")
+    peer = roadrunner.RoadRunner(text)
+    peer.integrator.relative_tolerance, peer.integrator.absolute_tolerance = 1e-9, 1e-12
+    peer.integrator.maximum_time_step = 0.01
+    peer.timeCourseSelections = list(start)
+    expected = np.array(peer.simulate(0, 4, 41))
+    ours = np.array([found.get(name, np.full(41, value)) for name, value in start.items()]).T
+    np.testing.assert_allclose(ours, expected, rtol=1e-5, atol=1e-5)
