@@ -94,7 +94,7 @@ def test_simultaneous_events_use_the_values_of_the_trigger_time(run, method):
 
 
 def test_late_values_see_what_events_of_higher_priority_set(run):
-    # F goes first (10 > 1): b = 3. Then a = 2 b = 6 with the values of the execution, 2 * 5 = 10 with those of the trigger.
+    # F goes first (10 > 1): b = 3. Then a = 2 b is 6 with the values of the execution, 10 with those of the trigger.
     def text(early):
         return sbml(
             parameters({"x": 0.0, "a": 2.0, "b": 5.0}, {"x": 1})
