@@ -11,6 +11,7 @@ mod convert;
 mod document;
 mod events;
 mod first;
+mod initial;
 mod known;
 mod math;
 mod names;

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use super::document::{Event, Kind, Rule, Sbml, Symbol, Target};
-use super::first::First;
+use super::initial::First;
 use super::math::Math;
 use super::names::Names;
 use super::roles::{self, Role, Roles};
@@ -132,6 +132,11 @@ pub(super) fn unit_without_symbols(sbml: &Sbml) -> Option<String> {
 pub(super) fn quoted(text: &str, most: usize) -> String {
     let clean: String = text.chars().map(|c| if c == '"' { '\'' } else { c }).filter(|c| !c.is_control()).collect();
     if clean.chars().count() <= most { clean } else { clean.chars().take(most - 3).chain("...".chars()).collect() }
+}
+
+/// The name of an event as a comment.
+pub(super) fn comment(event: &Event) -> String {
+    if event.name.is_empty() { String::new() } else { format!("    # {}", quoted(&event.name, 80)) }
 }
 
 impl Conversion<'_> {

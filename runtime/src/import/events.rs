@@ -1,6 +1,6 @@
 //! Events and constraints.
 
-use super::convert::{Conversion, at, quoted};
+use super::convert::{Conversion, at, comment};
 use super::document::{Event, Kind, Symbol, Target};
 use super::math::Math;
 use super::order;
@@ -173,9 +173,4 @@ impl Conversion<'_> {
         }
         Ok(())
     }
-}
-
-/// The name of an event as a comment.
-pub(super) fn comment(event: &Event) -> String {
-    if event.name.is_empty() { String::new() } else { format!("    # {}", quoted(&event.name, 80)) }
 }

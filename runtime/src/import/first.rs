@@ -8,29 +8,9 @@ use std::collections::HashMap;
 
 use super::convert::{Conversion, at};
 use super::document::{Event, Kind};
+use super::initial::{Delayed, First};
 use super::math::Math;
 use super::xml::Fault;
-
-/// Events that run at the start.
-#[derive(Default)]
-pub(super) struct First {
-    /// The values of symbols after these events, as expressions of those before.
-    pub(super) values: HashMap<String, Math>,
-    /// The events with the condition that each ran under.
-    pub(super) ran: HashMap<usize, Math>,
-    /// The events that wait for their delay.
-    pub(super) delayed: HashMap<usize, Delayed>,
-    /// Expressions at the start read the initial values of symbols that events set.
-    pub(super) before: bool,
-}
-
-/// An event that is triggered at the start and runs after its delay.
-pub(super) struct Delayed {
-    pub(super) condition: Math,
-    pub(super) time: Math,
-    /// The values from the time of the trigger.
-    pub(super) values: Vec<Math>,
-}
 
 /// Runs of events at the start that are followed.
 const MOST_RUNS: usize = 50;

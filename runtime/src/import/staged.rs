@@ -3,9 +3,8 @@
 //! The trigger sets the values aside and notes that the event is due, now or after its delay; an event of its own executes it. What may act on one another
 //! is executed one by one: `settling` is 1 for one more round of events, in which triggers see what has changed.
 
-use super::convert::{Conversion, at};
+use super::convert::{Conversion, at, comment};
 use super::document::Event;
-use super::events::comment;
 use super::math::Math;
 use super::order::Rival;
 use super::roles::Role;
