@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray, as_count
+from smpl._clock import Clock, as_seconds
 from smpl._optional import load
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.estimation import Prediction, discrete_of
@@ -32,6 +33,24 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
+class _TimeUpError(Exception):
+    """The budget of an update is used up."""
+
+
+@dataclass
+class _Best:
+    """The point of the least squares so far."""
+
+    point: FloatArray | None = None
+    cost: float = np.inf
+
+    def take(self, point: FloatArray, residual: FloatArray) -> None:
+        """Keep a point if it costs less."""
+        cost = float(residual @ residual)
+        if cost < self.cost:
+            self.point, self.cost = point.copy(), cost
+
+
 class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
     """Least squares over a window of steps, within the bounds that the model declares.
 
@@ -44,9 +63,13 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         horizon: length of the window in steps.
         initial, deviation, process_noise, parameters, noise, p: as for `ExtendedKalmanFilter`.
         iterations: limit of the optimiser's evaluations; what it has reached then is taken.
+        budget: seconds of an update after which the optimiser stops, and the best estimate that it has reached is
+            taken; no limit if None.
 
     Attributes:
         failures: how often the optimiser failed, so that the prediction was taken.
+        unfinished: how often the budget ended the optimiser.
+        last_status: reason of the last failure or of the last end by the budget.
         derivatives: as of `ExtendedKalmanFilter`.
     """
 
@@ -62,6 +85,7 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         noise: Mapping[str, float] | None = None,
         p: Mapping[str, float] | None = None,
         iterations: int = 6,
+        budget: float | None = None,
     ) -> None:
         self.model = model if isinstance(model, Model) else model.model
         self.prediction = Prediction(self.model, parameters, process_noise, noise)
@@ -70,7 +94,9 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         longest = self.prediction.sensors.longest
         self.horizon = as_count("horizon", horizon, longest + 1, f"an integer above the longest delay, {longest}")
         self.sees = self.model.level
-        self.failures = 0
+        self.failures = self.unfinished = 0
+        self.last_status = ""
+        self._budget = None if budget is None else as_seconds("budget", budget)
         self._iterations = as_count("iterations", iterations)
         self._initial, self._deviation = initial, deviation
         self._window: list[_Instant] = []
@@ -131,12 +157,16 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         guess = np.clip(np.concatenate([one.point for one in self._window]), low + margin, high - margin)
         # SciPy asks for residual and Jacobian at the same point one after the other: both come from the same rollouts.
         known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        clock, best = Clock(self._budget), _Best()
 
         def both(z: FloatArray) -> tuple[FloatArray, FloatArray]:
             key = z.tobytes()
             if key not in known:
+                if clock.over() and best.point is not None:
+                    raise _TimeUpError
                 known.clear()
                 known[key] = self._residual(z)
+                best.take(z, known[key][0])
             return known[key]
 
         try:
@@ -152,10 +182,16 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
                 ftol=1e-5,
                 gtol=1e-5,
             )
-        except (ValueError, np.linalg.LinAlgError):
+            points = found.x
+        except _TimeUpError:
+            self.unfinished += 1
+            self.last_status = f"the budget of {self._budget:g} s ended the optimiser"
+            points = best.point if best.point is not None else guess
+        except (ValueError, np.linalg.LinAlgError) as error:
             self.failures += 1
+            self.last_status = str(error).splitlines()[0] if str(error) else type(error).__name__
             return
-        for one, point in zip(self._window, found.x.reshape(len(self._window), -1), strict=True):
+        for one, point in zip(self._window, points.reshape(len(self._window), -1), strict=True):
             one.point = point
 
     def _residual(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
