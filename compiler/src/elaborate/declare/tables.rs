@@ -33,7 +33,7 @@ impl<'a> Declaring<'_, 'a> {
         let place = Place::new(scope, Site::Dynamics);
         let mut numbers = self.empty_table(table, &sets, place);
         if let Some(e) = &table.default
-            && let Some(x) = self.table_number(e, numbers.units.first(), &numbers.place)
+            && let Some(x) = self.table_number(e, "the table's entry", numbers.units.first(), &numbers.place)
         {
             numbers.values.iter_mut().for_each(|v| v.fill(x));
         }
