@@ -694,7 +694,7 @@ COLLISION = (PROBLEMS / "collisions.eq").read_text()
 
 
 def elastic(m: tuple[float, float], x: list[float], push: float, step: float) -> np.ndarray:
-    """Positions and velocities of two carts after a step with one collision, by the quadratic equation of their distance."""
+    """Positions and velocities of two carts after a step with one collision, by the roots of their distance."""
     (x_1, x_2, v_1, v_2), (m_1, m_2) = x, m
     a, b, c = push / 2, v_1 - v_2, x_1 - x_2
     t = -c / b if a == 0 else 2 * c / (-b - np.sqrt(b * b - 4 * a * c))
@@ -721,7 +721,9 @@ def test_an_elastic_collision_keeps_momentum_and_energy(method):
 
 
 def test_derivatives_of_an_elastic_collision():
-    model = smpl.compile(source=COLLISION.replace("step = 0.5", "step = 2") + "solver { rtol = 1e-11, atol_factor = 1e-4 }\n")
+    model = smpl.compile(
+        source=COLLISION.replace("step = 0.5", "step = 2") + "solver { rtol = 1e-11, atol_factor = 1e-4 }\n"
+    )
     start = [0.0, 2.2, 1.0, -1.0]
     x = np.zeros(len(model.state_names))
     place = [model.state_names.index(name) for name in ("x_1", "x_2", "v_1", "v_2")]

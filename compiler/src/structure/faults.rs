@@ -15,6 +15,11 @@ use crate::model::Model;
 /// Most equations that one fault shows.
 const SHOWN: usize = 8;
 
+/// Most statements whose fault is explained: of more, each is looked for in all equations, and not shown.
+const EXPLAINED: usize = 50;
+
+const NO_UNKNOWN: &str = "this equation has no unknown that is not determined already";
+
 /// Most differentiations that are looked for.
 const MOST_DIFFERENTIATIONS: usize = 6;
 
@@ -53,9 +58,13 @@ pub(super) fn faults(model: &Model, found: &Findings<'_>) -> Faults {
         by_statement.entry(left.span).or_default().push(left);
     }
     let mut explained = FastSet::default();
-    for alike in by_statement.into_values() {
-        let fault = without_unknown(model, found, &alike, &mut explained);
-        faults.push(fault);
+    for (at, alike) in by_statement.into_values().enumerate() {
+        if at < EXPLAINED {
+            let fault = without_unknown(model, found, &alike, &mut explained);
+            faults.push(fault);
+        } else {
+            faults.push_with(|| Diagnostic::error(codes::OVERDETERMINED, NO_UNKNOWN, alike[0].span));
+        }
     }
     for group in competing(&found.left) {
         faults.push(too_many(model, found, &group));
@@ -80,7 +89,7 @@ fn without_unknown(model: &Model, found: &Findings<'_>, alike: &[&LeftOver], exp
     }
     let states = states_of(model, *residual);
     if states.is_empty() {
-        return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", *span)
+        return Diagnostic::error(codes::OVERDETERMINED, NO_UNKNOWN, *span)
             .secondaries(definitions(model, found, *span))
             .help("remove it, or declare what it should determine as a `var` without another equation");
     }
