@@ -13,6 +13,7 @@
 mod algebraic;
 mod common;
 mod cuts;
+mod faults;
 mod initial;
 mod matching;
 mod ports;

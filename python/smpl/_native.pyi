@@ -29,6 +29,18 @@ class Diagnostic:
     severity: str
     message: str
     help: str | None
+    notes: list[str]
+    related: list[RelatedPlace]
+
+class RelatedPlace:
+    """Another place that belongs to a finding; positions are 1-based and count characters."""
+
+    message: str
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
 
 class CompileError(Exception):
     """The model is at fault; `diagnostics` says where and why."""

@@ -38,6 +38,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ScenarioError", py.get_type::<errors::ScenarioError>())?;
     module.add("SimulationError", py.get_type::<errors::SimulationError>())?;
     module.add_class::<errors::Diagnostic>()?;
+    module.add_class::<errors::RelatedPlace>()?;
     module.add_class::<model::Model>()?;
     module.add_class::<start::Start>()?;
     module.add_class::<environment::Env>()?;
