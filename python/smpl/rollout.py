@@ -36,7 +36,12 @@ class Rollout:
         steps: steps taken, the ending one included, (N,).
         terminated: ended by a failure or a success, (N,).
         truncated: ended by the time limit, (N,).
-        failure: N strings, empty where nothing failed.
+        failure: N messages, empty where nothing failed.
+        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"` (the integration failed,
+            the step was undone), `"events"` (events without end), `"event"` (a declared failure that an event found
+            within the step), `"not_finite"`, `"action_box"`, `"box"` and `"condition"` (declared, after a whole step).
+            If there are several, the first of this order.
+        failure_name: N names of the declared failures of the kinds `"event"`, `"box"`, `"condition"`; otherwise empty.
         constraint_names: names of the limits.
     """
 
@@ -50,6 +55,8 @@ class Rollout:
     terminated: npt.NDArray[np.bool_]
     truncated: npt.NDArray[np.bool_]
     failure: list[str]
+    failure_kind: list[str]
+    failure_name: list[str]
     constraint_names: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -96,7 +103,7 @@ def rollout(
         (_seed(seed), check_first_step(first_step, horizon), bool(outputs)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
-    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure = result
+    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure, kinds, names = result
     return Rollout(
         states=reached,
         observations=observed,
@@ -108,6 +115,8 @@ def rollout(
         terminated=terminated,
         truncated=truncated,
         failure=failure,
+        failure_kind=kinds,
+        failure_name=names,
         constraint_names=tuple(model.native.constraint_names),
     )
 
