@@ -18,7 +18,10 @@ use super::sundials::{IdaCounts, Memory, Task, check};
 use super::traverse::Traverse;
 use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
-use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
+use super::{Advance, Bounds, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
+
+/// Other guesses of algebraic unknowns of an implicit system.
+const OTHER_GUESSES: u64 = 12;
 
 /// Where an instance stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -62,6 +65,8 @@ struct Shape {
     /// Row and column of each entry of the Jacobian.
     rows: Box<[usize]>,
     columns: Box<[usize]>,
+    /// Bounds of the algebraic unknowns, where there are any.
+    bounds: Option<Bounds>,
 }
 
 /// What is known of what was integrated before.
@@ -127,12 +132,14 @@ impl Ida {
         IdaFlag { value, message: self.memory.message() }
     }
 
-    fn initialise(&mut self) -> Result<(), SolveError> {
+    /// Consistent values; `first` where there were none before, so that the algebraic unknowns are guesses.
+    fn initialise(&mut self, first: bool) -> Result<(), SolveError> {
         self.memory.begin();
         match &mut self.consistent {
             Some(consistent) => consistent
-                .initialise(self.memory.bridge_mut(), self.time, &mut self.y, &mut self.yp)
+                .begin(self.memory.bridge_mut(), first, self.time, (&mut self.y, &mut self.yp))
                 .map_err(|cause| self.inconsistent(cause)),
+            None if first => self.search_initial_condition(),
             None => self.calculate_initial_condition(),
         }
     }
@@ -146,6 +153,38 @@ impl Ida {
         }
         let (time, flag, unknown) = (self.time, self.flag(value), self.largest_residual());
         Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time, flag, unknown }))
+    }
+
+    /// As [`calculate_initial_condition`](Self::calculate_initial_condition), with the algebraic unknowns inside of their bounds where
+    /// such values are found from other guesses.
+    fn search_initial_condition(&mut self) -> Result<(), SolveError> {
+        let Some(bounds) = self.shape.bounds.clone() else { return self.calculate_initial_condition() };
+        let algebraic: Vec<usize> = (0..self.shape.differential.len()).filter(|&i| !self.shape.differential[i]).collect();
+        let guess = self.y.entries().to_vec();
+        let is_inside = |ida: &Self| bounds.outside(&algebraic, ida.y.entries()).is_none();
+        let result = self.calculate_initial_condition();
+        if result.is_ok() && is_inside(self) || matches!(result, Err(SolveError::Interrupted { .. })) {
+            return result;
+        }
+        let found = (self.y.entries().to_vec(), self.yp.entries().to_vec());
+        for number in 0..=OTHER_GUESSES {
+            self.y.entries_mut().copy_from_slice(&guess);
+            self.yp.entries_mut().fill(0.0);
+            if number > 0 {
+                bounds.other_guess(number, &algebraic, self.y.entries_mut());
+            }
+            bounds.clip(&algebraic, self.y.entries_mut());
+            self.memory.begin();
+            match self.calculate_initial_condition() {
+                Err(error @ SolveError::Interrupted { .. }) => return Err(error),
+                done if done.is_ok() && is_inside(self) => return done,
+                _ => {}
+            }
+        }
+        self.memory.begin();
+        self.y.entries_mut().copy_from_slice(&found.0);
+        self.yp.entries_mut().copy_from_slice(&found.1);
+        result
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
@@ -427,7 +466,7 @@ impl Integrator for Ida {
         if let Some(quadratures) = &mut self.quadratures {
             quadratures.restart(t0);
         }
-        self.lending(system, Self::initialise)?;
+        self.lending(system, |ida| ida.initialise(yp.is_none()))?;
         self.bridge().counts.restarts += 1;
         self.phase = Phase::Restarted;
         Ok(())
