@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl._arguments import COUNTS, FloatArray, as_count, as_numbers, check_names
-from smpl.envs import check_limit, check_method, check_seed, native_seed
+from smpl.envs import SEEDS, SeedError, check_limit, check_method, check_seed, native_seed
 from smpl.model import Model
 
 Named = list[tuple[str, FloatArray]]
@@ -85,6 +85,7 @@ def rollout(
     max_steps: int | None = None,
 ) -> Rollout:
     """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`."""
+    given = _seed(seed)
     chosen = _rows("actions", actions, len(model.action_names), 2)
     count, horizon = len(chosen) if chosen.ndim == 3 else 1, chosen.shape[-2]
     origin: FloatArray | _native.Snapshot
@@ -93,6 +94,8 @@ def rollout(
     else:
         origin = _rows("states", start, len(model.state_names), 1)
         count = _common(count, len(origin) if origin.ndim == 2 else 1)
+    if seed is not None and count > 1 and int(seed) + count > SEEDS:
+        raise SeedError(f"seed is {seed}, expected at most 2**64 - {count} for {count} trajectories")
     result = model.native.rollout(
         origin,
         chosen,
@@ -100,7 +103,7 @@ def rollout(
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
-        (_seed(seed), check_first_step(first_step, horizon), bool(outputs)),
+        (given, check_first_step(first_step, horizon), bool(outputs)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
     reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure, kinds, names = result
