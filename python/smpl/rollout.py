@@ -106,7 +106,8 @@ def rollout(
         (given, check_first_step(first_step, horizon), bool(outputs)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
-    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure, kinds, names = result
+    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, *failed = result
+    failure, kinds, names = failed
     return Rollout(
         states=reached,
         observations=observed,

@@ -8,18 +8,21 @@ use super::{Consistent, Inconsistent, LAST_CORRECTION, MIN_DAMPING, rounding};
 /// Newton iterations from one guess, and other guesses.
 const ITERATIONS: u32 = 60;
 const GUESSES: u64 = 12;
+/// A solution that moves by more than this part of a range from inside of the bounds to outside of them is another branch.
+const JUMP: f64 = 0.1;
 
-/// Bounds of the algebraic unknowns, with space for two points.
+/// Bounds of the algebraic unknowns, with space for three points.
 pub(super) struct Inside {
     bounds: Bounds,
     guess: Box<[f64]>,
     found: Box<[f64]>,
+    nearest: Box<[f64]>,
 }
 
 impl Inside {
     pub(super) fn new(bounds: &Bounds, n: usize) -> Self {
         let zeros = || vec![0.0; n].into();
-        Self { bounds: bounds.clone(), guess: zeros(), found: zeros() }
+        Self { bounds: bounds.clone(), guess: zeros(), found: zeros(), nearest: zeros() }
     }
 }
 
@@ -32,8 +35,8 @@ struct Point<'a> {
 
 impl Consistent {
     /// As [`initialise`](Self::initialise), with the solution inside of the bounds of the algebraic unknowns where there is one: the guess is moved
-    /// into the bounds, steps are cut there, and other guesses are tried. With `first` unset, `y` was consistent before, and another solution
-    /// is taken only if it is the nearest. The solution is outside of the bounds where none is found inside.
+    /// into the bounds, steps are cut there, and other guesses are tried. With `first` unset, `y` was consistent before: the nearest
+    /// solution inside is taken if it is nearer than the one outside, or if that one is far away. The solution is outside of the bounds where none is found inside.
     pub(in super::super) fn begin(
         &mut self,
         bridge: &mut Bridge,
@@ -49,7 +52,7 @@ impl Consistent {
 
     fn begin_inside(&mut self, bridge: &mut Bridge, inside: &mut Inside, first: bool, point: Point<'_>) -> Result<(), Inconsistent> {
         let Point { t, y, yp } = point;
-        let Inside { bounds, guess, found } = inside;
+        let Inside { bounds, guess, found, nearest } = inside;
         guess.copy_from_slice(y.entries());
         let result = self.initialise(bridge, t, y, yp);
         let is_inside = |this: &Self, y: &[f64]| bounds.outside(&this.algebraic, y).is_none();
@@ -59,7 +62,8 @@ impl Consistent {
         }
         found.copy_from_slice(y.entries());
         let trouble = bridge.trouble;
-        for number in 0..=if first { GUESSES } else { 0 } {
+        let mut least = f64::INFINITY;
+        for number in 0..=GUESSES {
             y.entries_mut().copy_from_slice(guess);
             if number > 0 {
                 bounds.other_guess(number, &self.algebraic, y.entries_mut());
@@ -68,14 +72,24 @@ impl Consistent {
             if is_interrupted(bridge) {
                 return Err(Inconsistent::Callback);
             }
-            let away = |to: &[f64]| bounds.distance(&self.algebraic, guess, to);
-            if done.is_ok() && (first || away(y.entries()) <= away(found)) {
-                return Ok(());
+            let away = bounds.distance(&self.algebraic, guess, y.entries());
+            if done.is_ok() && first {
+                return done;
+            }
+            if done.is_ok() && away < least {
+                least = away;
+                nearest.copy_from_slice(y.entries());
             }
         }
         // What was noted on the way is not the cause.
         bridge.trouble = trouble;
-        y.entries_mut().copy_from_slice(if solved { found } else { guess });
+        let away = bounds.distance(&self.algebraic, guess, found);
+        let inward = least.is_finite() && (away > JUMP || least <= away);
+        y.entries_mut().copy_from_slice(match solved {
+            true if inward => nearest,
+            true => found,
+            false => guess,
+        });
         if solved { self.initialise(bridge, t, y, yp) } else { result }
     }
 
