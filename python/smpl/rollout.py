@@ -37,10 +37,10 @@ class Rollout:
         terminated: ended by a failure or a success, (N,).
         truncated: ended by the time limit, (N,).
         failure: N messages, empty where nothing failed.
-        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"` (the integration failed,
-            the step was undone), `"events"` (events without end), `"event"` (a declared failure that an event found
-            within the step), `"not_finite"`, `"action_box"`, `"box"` and `"condition"` (declared, after a whole step).
-            If there are several, the first of this order.
+        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"` (the integration failed
+            and the step was undone), `"events"` (events without end), `"event"` (a declared failure that an event
+            found within the step), `"not_finite"`, `"action_box"`, `"box"` and `"condition"` (declared, after
+            a whole step). If there are several, the first of this order.
         failure_name: N names of the declared failures of the kinds `"event"`, `"box"`, `"condition"`; otherwise empty.
         constraint_names: names of the limits.
     """

@@ -44,7 +44,9 @@ pub(crate) fn combine(model: &mut Model, equations: &mut Vec<Equation>) {
         let states: BTreeSet<VarId> = group.iter().flat_map(|line| line.terms.keys().copied()).collect();
         let (lines, pivots) = echelon(&mut model.exprs, group, &states);
         let dependent = lines.len() - pivots.len();
-        if dependent > 0 && states.len() == lines.len() && is_free(model, equations, &lines, &states) {
+        let binds = |(i, line): (usize, &Line)| pivots.contains_key(&i) || has_unknown(model, line.rest);
+        let determines = states.len() == lines.len() && lines.iter().enumerate().all(binds);
+        if dependent > 0 && determines && is_free(model, equations, &lines, &states) {
             replace(model, equations, lines, &pivots, &states);
         }
     }
@@ -156,6 +158,11 @@ fn subtract(exprs: &mut Exprs, terms: &mut FastMap<VarId, Coefficient>, var: Var
         None => exprs.neg(product),
     };
     terms.insert(var, Coefficient { value, at });
+}
+
+/// Whether a dependent equation has something to determine.
+fn has_unknown(model: &Model, rest: ExprId) -> bool {
+    !model.exprs.loads(rest, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic)).is_empty()
 }
 
 /// Whether nothing else reads the rates of the states or sets the states, but for their initial values.
