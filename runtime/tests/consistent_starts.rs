@@ -116,7 +116,7 @@ fn a_restart_keeps_the_branch_inside_of_the_bounds() {
     for method in METHODS {
         let mut environment = environment(text, method);
         environment.reset(Some(0), &ResetOptions::default()).expect("a start");
-        for u in [100.0, 0.01, 64.0, 4.0] {
+        for u in [100.0, 0.01] {
             environment.step(&[u]).expect("a step");
             assert!((value(&environment, "v") - u.sqrt()).abs() < 1e-4, "{method} at {u}: {}", value(&environment, "v"));
         }

@@ -3,6 +3,7 @@
 mod breaks;
 mod events;
 mod setup;
+mod start;
 
 use std::os::raw::c_int;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -19,9 +20,6 @@ use super::traverse::Traverse;
 use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
 use super::{Advance, Bounds, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
-
-/// Other guesses of algebraic unknowns of an implicit system.
-const OTHER_GUESSES: u64 = 12;
 
 /// Where an instance stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -142,49 +140,6 @@ impl Ida {
             None if first => self.search_initial_condition(),
             None => self.calculate_initial_condition(),
         }
-    }
-
-    /// IDA's own search for y' and the algebraic unknowns of an implicit system.
-    fn calculate_initial_condition(&mut self) -> Result<(), SolveError> {
-        let first = self.time + self.past.last_interval;
-        let value = self.memory.calculate_start(self.time, &mut self.y, &mut self.yp, first);
-        if value == IDA_SUCCESS {
-            return Ok(());
-        }
-        let (time, flag, unknown) = (self.time, self.flag(value), self.largest_residual());
-        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time, flag, unknown }))
-    }
-
-    /// As [`calculate_initial_condition`](Self::calculate_initial_condition), with the algebraic unknowns inside of their bounds where
-    /// such values are found from other guesses.
-    fn search_initial_condition(&mut self) -> Result<(), SolveError> {
-        let Some(bounds) = self.shape.bounds.clone() else { return self.calculate_initial_condition() };
-        let algebraic: Vec<usize> = (0..self.shape.differential.len()).filter(|&i| !self.shape.differential[i]).collect();
-        let guess = self.y.entries().to_vec();
-        let is_inside = |ida: &Self| bounds.outside(&algebraic, ida.y.entries()).is_none();
-        let result = self.calculate_initial_condition();
-        if result.is_ok() && is_inside(self) || matches!(result, Err(SolveError::Interrupted { .. })) {
-            return result;
-        }
-        let found = (self.y.entries().to_vec(), self.yp.entries().to_vec());
-        for number in 0..=OTHER_GUESSES {
-            self.y.entries_mut().copy_from_slice(&guess);
-            self.yp.entries_mut().fill(0.0);
-            if number > 0 {
-                bounds.other_guess(number, &algebraic, self.y.entries_mut());
-            }
-            bounds.clip(&algebraic, self.y.entries_mut());
-            self.memory.begin();
-            match self.calculate_initial_condition() {
-                Err(error @ SolveError::Interrupted { .. }) => return Err(error),
-                done if done.is_ok() && is_inside(self) => return done,
-                _ => {}
-            }
-        }
-        self.memory.begin();
-        self.y.entries_mut().copy_from_slice(&found.0);
-        self.yp.entries_mut().copy_from_slice(&found.1);
-        result
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
