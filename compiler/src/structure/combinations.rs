@@ -227,7 +227,7 @@ fn replace(model: &mut Model, equations: &mut Vec<Equation>, lines: Vec<Line>, p
 /// The initial value of a scalar state.
 fn initial_value(model: &mut Model, var: VarId) -> ExprId {
     let stores = model.programs.initial_states.nests.iter().flat_map(|nest| &nest.stores);
-    let stored = stores.filter(|store| store.target.place == Place::Var(var)).map(|store| store.value).last();
+    let stored = stores.filter(|store| store.target.place == Place::Var(var)).map(|store| store.value).next_back();
     let declared = model.interface.quantities.states.iter().find(|q| q.var == Some(var)).and_then(|q| q.default.first().copied());
     stored.unwrap_or_else(|| model.exprs.constant(declared.filter(|x| x.is_finite()).unwrap_or_default()))
 }
