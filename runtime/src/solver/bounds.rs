@@ -49,9 +49,11 @@ impl Bounds {
     pub(crate) fn clip(&self, free: &[usize], y: &mut [f64]) -> bool {
         let mut clipped = false;
         for &at in free {
-            let inside = if y[at] < self.low[at] { self.low[at] } else { y[at].min(self.high[at]) };
-            clipped |= inside < y[at] || inside > y[at];
-            y[at] = if y[at].is_nan() { y[at] } else { inside };
+            let bound = if y[at] < self.low[at] { self.low[at] } else { self.high[at] };
+            if y[at] < self.low[at] || y[at] > self.high[at] {
+                y[at] = bound;
+                clipped = true;
+            }
         }
         clipped
     }
