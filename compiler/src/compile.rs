@@ -125,6 +125,7 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
         structure::write_out_ranges(&mut model, &mut equations);
     }
     structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
+    structure::combine_rates(&mut model, &mut equations);
     let rates = structure::cover_states(&model, &equations)?;
     structure::substitute_derivatives(&mut model, &mut equations);
     let written = equations.clone();

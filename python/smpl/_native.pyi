@@ -143,6 +143,8 @@ class Model:
         npt.NDArray[np.bool_],
         npt.NDArray[np.bool_],
         list[str],
+        list[str],
+        list[str],
     ]: ...
 
 class Start:
@@ -186,6 +188,9 @@ class Env:
     time: float
     steps: int
     max_steps: int
+    # Cause of the last step's failure, see `Rollout.failure_kind`, and the name of a declared one.
+    failure_kind: str
+    failure_name: str
     steady_state: FloatArray | None
     steady_action: FloatArray | None
     constraint_names: list[str]

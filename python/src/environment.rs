@@ -122,6 +122,18 @@ impl Env {
         self.with(Environment::steps)
     }
 
+    /// Kind of the failure of the last step, see `Rollout.failure_kind`.
+    #[getter]
+    fn failure_kind(&self) -> &'static str {
+        self.with(|environment| environment.failure_cause().0.name())
+    }
+
+    /// Name of the declared failure of the last step; empty for other kinds.
+    #[getter]
+    fn failure_name(&self) -> String {
+        self.with(|environment| environment.failure_cause().1.to_owned())
+    }
+
     #[getter]
     fn max_steps(&self) -> u32 {
         self.with(|environment| environment.setup().max_steps())

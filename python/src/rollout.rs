@@ -12,7 +12,7 @@ use crate::snapshot::Snapshot;
 
 type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
-/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures.
+/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures, their kinds and names.
 pub type Results<'py> = (
     Cube<'py>,
     Cube<'py>,
@@ -23,6 +23,8 @@ pub type Results<'py> = (
     Bound<'py, PyArray1<u32>>,
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<bool>>,
+    Vec<String>,
+    Vec<&'static str>,
     Vec<String>,
 );
 
@@ -108,7 +110,9 @@ impl Request {
             truncated: truncated.elements(),
         };
         let plan = self.plan();
-        let failures = released(py, || rollouts.run(&plan, arrays))?.map_err(|e| rollout_error(&e))?;
+        let ends = released(py, || rollouts.run(&plan, arrays))?.map_err(|e| rollout_error(&e))?;
+        let kinds = ends.iter().map(|end| end.kind.name()).collect();
+        let (failures, names) = ends.into_iter().map(|end| (end.failure, end.name)).unzip();
         Ok((
             states.done(),
             observations.done(),
@@ -120,6 +124,8 @@ impl Request {
             terminated.done(),
             truncated.done(),
             failures,
+            kinds,
+            names,
         ))
     }
 }

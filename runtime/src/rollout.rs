@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
-use crate::failure::START;
+use crate::failure::{FailureKind, START};
 use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 use crate::steady::SteadyError;
@@ -70,6 +70,17 @@ pub struct Arrays<'a> {
     pub terminated: &'a mut [bool],
     /// Ended by the time limit.
     pub truncated: &'a mut [bool],
+}
+
+/// Failure of a trajectory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct End {
+    /// Message, empty without a failure.
+    pub failure: String,
+    /// Kind of the cause.
+    pub kind: FailureKind,
+    /// Name of a declared failure, otherwise empty.
+    pub name: String,
 }
 
 /// Why nothing can be simulated.
@@ -170,12 +181,12 @@ impl Rollouts {
         self.widths
     }
 
-    /// Simulates all trajectories; one message each, which is empty where nothing failed. A trajectory that has no consistent start has the failure `start`, NaN for
+    /// Simulates all trajectories and returns the failure of each. A trajectory that has no consistent start has the failure `start`, NaN for
     /// its states and no steps.
     ///
     /// # Errors
     /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are no numbers: nothing of the arrays counts then. An interruption.
-    pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<String>, RolloutError> {
+    pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<End>, RolloutError> {
         self.check(plan, &arrays)?;
         self.stop.store(false, Ordering::Relaxed);
         if let Some(pool) = self.pool.as_mut().filter(|pool| !pool.is_mine()) {
@@ -293,7 +304,7 @@ struct Row<'a> {
     steps: &'a mut u32,
     terminated: &'a mut bool,
     truncated: &'a mut bool,
-    outcome: Result<String, RolloutError>,
+    outcome: Result<End, RolloutError>,
 }
 
 impl<'a> Arrays<'a> {
@@ -317,7 +328,7 @@ impl<'a> Arrays<'a> {
             steps,
             terminated,
             truncated,
-            outcome: Ok(String::new()),
+            outcome: Ok(End::default()),
         })
         .collect()
     }
@@ -340,7 +351,7 @@ fn simulate(
     index: usize,
     row: &mut Row<'_>,
     widths: Widths,
-) -> Result<String, RolloutError> {
+) -> Result<End, RolloutError> {
     match begin(environment, plan, options, index) {
         Err(RolloutError::Reset { error, .. }) if is_infeasible(&error) => {
             for values in [&mut *row.states, row.observations, row.outputs] {
@@ -350,7 +361,7 @@ fn simulate(
                 values.fill(0.0);
             }
             (*row.steps, *row.terminated, *row.truncated) = (0, true, false);
-            return Ok(format!("{START}: {error}"));
+            return Ok(End { failure: format!("{START}: {error}"), kind: FailureKind::Start, name: String::new() });
         }
         result => result?,
     }
@@ -371,7 +382,9 @@ fn simulate(
             break;
         }
     }
-    Ok(environment.failure_message())
+    let (kind, name) = environment.failure_cause();
+    let name = name.to_owned();
+    Ok(End { failure: environment.failure_message(), kind, name })
 }
 
 /// Brings the environment to the start of a trajectory.

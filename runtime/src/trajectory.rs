@@ -26,6 +26,8 @@ fn is_parquet(path: &Path) -> bool {
 pub enum Kind {
     /// Whole numbers.
     Integer,
+    /// Whole numbers up to 2^64 - 1.
+    Natural,
     /// Numbers.
     Number,
     /// `true` or `false`.
@@ -41,6 +43,8 @@ pub enum Cell {
     Empty,
     /// A whole number.
     Integer(i64),
+    /// A whole number that is not negative.
+    Natural(u64),
     /// A number.
     Number(f64),
     /// A flag.
@@ -127,6 +131,7 @@ impl Table {
         let number = |cell: &Cell| match cell {
             Cell::Empty | Cell::Text(_) => f64::NAN,
             Cell::Integer(i) => *i as f64,
+            Cell::Natural(n) => *n as f64,
             Cell::Number(x) => *x,
             Cell::Flag(b) => f64::from(u8::from(*b)),
         };

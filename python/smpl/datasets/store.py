@@ -299,12 +299,17 @@ def _columns(manifest: Manifest, episodes: Sequence[tuple[int, Episode]]) -> dic
             columns[f"{prefix}.{name}"] = (np.concatenate(values), None) if full else (_padded(values), last)
     if manifest.names["phases"]:
         columns["phase"] = (np.concatenate([np.array(_details(one).phases, dtype=object) for one in every]), None)
-    columns["seed"] = (repeated([one.seed for one in every], np.int64), None)
+    seeds = [one.seed for one in every]
+    columns["seed"] = (repeated(seeds, np.uint64 if max(map(_whole, seeds), default=0) >= 2**63 else np.int64), None)
     columns["controller"] = (repeated([_details(one).controller for one in every], object), None)
     columns["failure"] = (repeated([one.failure for one in every], object), None)
     columns["success"] = (repeated([one.success for one in every], np.bool_), None)
     columns["options"] = (repeated([json.dumps(one.options) for one in every], object), None)
     return columns
+
+
+def _whole(seed: int | None) -> int:
+    return 0 if seed is None else seed
 
 
 def _padded(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:

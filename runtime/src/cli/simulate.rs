@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::excursion::Excursion;
 use super::plot::{self, Sketch};
 use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
@@ -218,7 +219,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         steps = rows.len() as u32;
     }
     let mut action = vec![0.0; environment.catalogue().actions.len()];
-    let mut total = 0.0;
+    let (mut total, mut excursion) = (0.0, Excursion::default());
     let mut progress = Progress::new(steps);
     if let Some(sketch) = &mut sketch {
         sketch.follow_run(&setup, steps)?;
@@ -231,9 +232,13 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         let result = environment.step(&action)?;
         total += result.reward;
         recorder.record(&mut environment, Some(&result));
+        excursion.look(&environment);
         progress.update(environment.steps());
     }
     progress.finish();
+    if let Some(text) = excursion.describe(&environment).filter(|_| environment.last().is_none_or(|last| last.failure.is_none())) {
+        report::note(&format!("warning: {text}\n"));
+    }
     for (name, values) in environment.ended_records() {
         let message = format!("the disturbance `{name}` ends after step {values}; its last value held to step {}", environment.steps());
         warn_of_the_end(arguments.disturbances.as_deref(), &message);
