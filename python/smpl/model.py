@@ -23,6 +23,7 @@ from smpl._arguments import (
     as_numbers,
     as_vector,
     check_names,
+    check_within,
     expand_parameters,
     pairs_of,
     shorten,
@@ -463,10 +464,14 @@ class Model(Named):
         values = {name: value for name, value in p.items() if name not in arrays}
         check_names("p", values, self._replaceable)
         expanded = expand_parameters("p", self, {name: p[name] for name in arrays})
-        return [
-            (*self._replaceable[name], as_finite_number(f"p[{name!r}]", value))
+        found = [
+            (name, *self._replaceable[name], as_finite_number(f"p[{name!r}]", value))
             for name, value in (expanded | values).items()
         ]
+        for name, role, _, number in found:
+            if role == "parameter":
+                check_within(f"p[{name!r}]", (number, number), name, self)
+        return [one[1:] for one in found]
 
 
 def compile(
