@@ -14,18 +14,18 @@ from smpl._optional import load
 def fit_figure(
     simulated: Sequence[Mapping[str, FloatArray]],
     residuals: Sequence[Mapping[str, FloatArray]],
+    times: Sequence[FloatArray],
     noise: Mapping[str, float],
-    step: float,
     units: Mapping[str, str],
     time: str,
 ) -> Any:
     """Runs with what was measured, an output a row, and beside them the residuals over their deviation.
 
     Args:
-        simulated: of each run, output -> values at the sampling instants.
+        simulated: of each run, output -> values at its times.
         residuals: measured less simulated, NaN where nothing was read.
+        times: of each run.
         noise: deviations by outputs.
-        step: sampling interval.
         units: of the outputs.
         time: label of the instants.
 
@@ -38,7 +38,7 @@ def fit_figure(
     axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
     for (left, right), name in zip(axes, names, strict=True):
         for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):
-            instants, color = step * np.arange(len(line[name])), f"C{number % 10}"
+            instants, color = times[number], f"C{number % 10}"
             read = np.isfinite(rest[name])
             left.plot(instants[read], (line[name] + rest[name])[read], ".", ms=4, color=color, alpha=0.5)
             left.plot(instants, line[name], color=color, lw=1.2, label=f"run {number}")

@@ -111,7 +111,14 @@ class Model:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
     @property
     def constraint_names(self) -> list[str]: ...
-    failures: list[tuple[str, bool]]
+    def disturbed(
+        self,
+        points: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+        parameters: Sequence[tuple[str, FloatArray]],
+        discrete: Sequence[tuple[str, FloatArray]],
+        first_step: int,
+    ) -> tuple[FloatArray, FloatArray]: ...
+    def draws(self) -> list[tuple[str, bool, bool]]: ...
     def sensitivity(
         self,
         states: FloatArray,
@@ -130,7 +137,7 @@ class Model:
         discrete: Sequence[tuple[str, FloatArray]],
         disturbances: Sequence[tuple[str, FloatArray]],
         size: tuple[int, int],
-        options: tuple[int | None, int, bool],
+        options: tuple[int | None, int, bool, Sequence[tuple[int, float]]],
         run: tuple[int, int | None, str | None],
     ) -> tuple[
         FloatArray,
@@ -143,8 +150,8 @@ class Model:
         npt.NDArray[np.bool_],
         npt.NDArray[np.bool_],
         list[str],
-        list[str],
-        list[str],
+        tuple[list[str], list[str]],
+        tuple[FloatArray, FloatArray],
     ]: ...
 
 class Start:
@@ -243,6 +250,9 @@ class Batch:
     def restore(self, snapshots: list[tuple[Snapshot, bool]]) -> None: ...
 
 def main(arguments: Sequence[str]) -> int: ...
+def on_steps(
+    times: FloatArray, values: FloatArray, step: float, linear: bool, end: float | None, most: int
+) -> tuple[list[float], int | None]: ...
 
 class Picture:
     """A picture of an episode or of saved runs; it shows itself in a notebook."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,6 +43,9 @@ class Rollout:
             a whole step). If there are several, the first of this order.
         failure_name: N names of the declared failures of the kinds `"event"`, `"box"`, `"condition"`; otherwise empty.
         constraint_names: names of the limits.
+        instant_states: states at the instants within steps that were asked for, (N, instants, states); NaN where a
+            trajectory does not get there.
+        measured: measurements there, (N, instants, observations), without noise, sampling, delay or clipping.
     """
 
     states: FloatArray
@@ -58,6 +61,8 @@ class Rollout:
     failure_kind: list[str]
     failure_name: list[str]
     constraint_names: tuple[str, ...]
+    instant_states: FloatArray
+    measured: FloatArray
 
     def __len__(self) -> int:
         """Number of trajectories."""
@@ -83,8 +88,13 @@ def rollout(
     first_step: int = 0,
     outputs: bool = False,
     max_steps: int | None = None,
+    instants: Sequence[tuple[int, float]] = (),
 ) -> Rollout:
-    """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`."""
+    """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`.
+
+    `instants` are places within steps at which states and measurements are returned too: the step, from 0, and the
+    share of it, from 0 to 1.
+    """
     given = _seed(seed)
     chosen = _rows("actions", actions, len(model.action_names), 2)
     count, horizon = len(chosen) if chosen.ndim == 3 else 1, chosen.shape[-2]
@@ -103,11 +113,11 @@ def rollout(
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
-        (given, check_first_step(first_step, horizon), bool(outputs)),
+        (given, check_first_step(first_step, horizon), bool(outputs), list(instants)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
-    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, *failed = result
-    failure, kinds, names = failed
+    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated = result[:9]
+    failure, (kinds, names), (instant_states, measured) = result[9:]
     return Rollout(
         states=reached,
         observations=observed,
@@ -122,6 +132,8 @@ def rollout(
         failure_kind=kinds,
         failure_name=names,
         constraint_names=tuple(model.native.constraint_names),
+        instant_states=instant_states,
+        measured=measured,
     )
 
 

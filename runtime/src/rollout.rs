@@ -47,6 +47,8 @@ pub struct Plan<'a> {
     pub seed: Option<u64>,
     /// Steps that count as completed at the start.
     pub first_step: u32,
+    /// Instants within steps at which states and measurements are read too: the step, from 0, and the share of it, from 0 to 1.
+    pub instants: &'a [(usize, f64)],
 }
 
 /// Where results go: a row a trajectory and, but for those of the ends, a row a step within it. After its end a trajectory keeps its last states,
@@ -70,6 +72,10 @@ pub struct Arrays<'a> {
     pub terminated: &'a mut [bool],
     /// Ended by the time limit.
     pub truncated: &'a mut [bool],
+    /// States at the instants of the plan: count × instants × states; NaN where a trajectory does not get there.
+    pub instant_states: &'a mut [f64],
+    /// Measurements at these instants, without noise, sampling, delay or clipping: count × instants × observations.
+    pub measured: &'a mut [f64],
 }
 
 /// Failure of a trajectory.
@@ -107,6 +113,9 @@ pub enum RolloutError {
         /// The limit.
         limit: u32,
     },
+    /// An instant is not within the trajectories.
+    #[error("an instant is not within the steps")]
+    Instant,
     /// A trajectory cannot begin.
     #[error("trajectory {index}: {error}")]
     Reset {
@@ -248,7 +257,12 @@ impl Rollouts {
         length("violations", arrays.violations, count * horizon * violations)?;
         length("steps", arrays.steps, count)?;
         length("terminated", arrays.terminated, count)?;
-        length("truncated", arrays.truncated, count)
+        length("truncated", arrays.truncated, count)?;
+        if plan.instants.iter().any(|&(step, share)| step >= horizon || !(0.0..=1.0).contains(&share)) {
+            return Err(RolloutError::Instant);
+        }
+        length("instant_states", arrays.instant_states, count * plan.instants.len() * states)?;
+        length("measured", arrays.measured, count * plan.instants.len() * observations)
     }
 }
 
@@ -304,6 +318,8 @@ struct Row<'a> {
     steps: &'a mut u32,
     terminated: &'a mut bool,
     truncated: &'a mut bool,
+    instant_states: &'a mut [f64],
+    measured: &'a mut [f64],
     outcome: Result<End, RolloutError>,
 }
 
@@ -317,6 +333,8 @@ impl<'a> Arrays<'a> {
         let mut rewards = pieces(self.rewards, horizon);
         let mut cost = pieces(self.cost, horizon);
         let mut violations = pieces(self.violations, horizon * widths.violations);
+        let mut instant_states = pieces(self.instant_states, plan.instants.len() * widths.states);
+        let mut measured = pieces(self.measured, plan.instants.len() * widths.observations);
         let ends = self.steps.iter_mut().zip(self.terminated.iter_mut().zip(self.truncated.iter_mut()));
         ends.map(|(steps, (terminated, truncated))| Row {
             states: states(),
@@ -328,6 +346,8 @@ impl<'a> Arrays<'a> {
             steps,
             terminated,
             truncated,
+            instant_states: instant_states(),
+            measured: measured(),
             outcome: Ok(End::default()),
         })
         .collect()
@@ -354,7 +374,7 @@ fn simulate(
 ) -> Result<End, RolloutError> {
     match begin(environment, plan, options, index) {
         Err(RolloutError::Reset { error, .. }) if is_infeasible(&error) => {
-            for values in [&mut *row.states, row.observations, row.outputs] {
+            for values in [&mut *row.states, row.observations, row.outputs, &mut *row.instant_states, &mut *row.measured] {
                 values.fill(f64::NAN);
             }
             for values in [&mut *row.rewards, row.cost, row.violations] {
@@ -367,9 +387,12 @@ fn simulate(
     }
     row.keep(environment, 0, widths);
     (*row.steps, *row.terminated, *row.truncated) = (0, false, false);
+    row.instant_states.fill(f64::NAN);
+    row.measured.fill(f64::NAN);
     let actions = pick(plan.actions, plan.horizon * widths.actions, index);
     for step in 0..plan.horizon {
         let action = &actions[step * widths.actions..(step + 1) * widths.actions];
+        row.glance(environment, plan, (index, step), action, widths)?;
         let result = environment.step(action).map_err(|error| RolloutError::Step { index, error })?;
         row.rewards[step] = result.reward;
         row.cost[step] = result.cost;
@@ -429,6 +452,23 @@ impl Row<'_> {
         if !self.outputs.is_empty() {
             environment.algebraics(&mut self.outputs[at * widths.outputs..(at + 1) * widths.outputs]);
         }
+    }
+
+    /// Writes what belongs to the instants within a step.
+    fn glance(
+        &mut self,
+        environment: &mut Environment,
+        plan: &Plan<'_>,
+        (index, step): (usize, usize),
+        action: &[f64],
+        Widths { states, observations, .. }: Widths,
+    ) -> Result<(), RolloutError> {
+        for (at, &(_, share)) in plan.instants.iter().enumerate().filter(|(_, instant)| instant.0 == step) {
+            let (reached, seen) = (&mut self.instant_states[at * states..], &mut self.measured[at * observations..]);
+            let found = environment.glance(action, share, &mut reached[..states], &mut seen[..observations]);
+            found.map_err(|error| RolloutError::Step { index, error })?;
+        }
+        Ok(())
     }
 
     /// Repeats what belongs to the last point; nothing is gained or lost any more.

@@ -4,11 +4,13 @@ mod format;
 mod parquet;
 mod read;
 mod record;
+mod resample;
 
 pub(crate) use format::seventeen_digits;
 pub(crate) use read::read_disturbances;
-pub use read::{Columns, DataError, Values, read_actions, read_columns, read_initial};
+pub use read::{Columns, DataError, Inputs, Values, read_actions, read_columns, read_initial};
 pub use record::Recorder;
+pub use resample::{Between, Clock, Holds, OnSteps, ResampleError, on_steps};
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -213,7 +213,7 @@ CAUSES = """model Causes
 time t : h
 action u = 0 in -1..1
 state x = 1 in -10..10
-eq d/dt x = if u > 3 then sqrt(-1 - x*x)*1[1/h] else u*1[1/h]
+eq d/dt x = (if u > 3 then sqrt(-1 - x*x) else u)*1[1/h]
 observe x
 reward r = x
 fail startup when x > 1.4

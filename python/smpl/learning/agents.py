@@ -28,6 +28,7 @@ import smpl.controllers as controllers
 from smpl._arguments import FloatArray, as_vector
 from smpl._identity import Description, describe
 from smpl._optional import load
+from smpl.controllers.adapt import check_spaces
 from smpl.controllers.beer import profile_temperature
 from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
 from smpl.envs import Env, Interface, native_seed
@@ -35,7 +36,7 @@ from smpl.model import Model
 
 Array = npt.NDArray[Any]
 # Endings of the files of policies.
-_FILES = (".zip", ".d3", ".pt")
+FILES = (".zip", ".d3", ".pt")
 
 
 @dataclass
@@ -139,7 +140,15 @@ class Agent:
         return actions if self.kind == "rows" else rows.interface.from_physical(actions)
 
     def check(self, env: Env) -> None:
-        """Refuse an environment that the agent is not for: reset once as an episode would."""
+        """Refuse an environment that the agent is not for: reset once as an episode would.
+
+        Raises:
+            ValueError: a policy has other observations or actions than the environment.
+        """
+        if self.kind == "predict" and not self.physical:
+            check_spaces(self.chooser, env.observation_space, env.action_space, env)
+        elif self.kind == "rows" and callable(getattr(self.chooser, "check", None)):
+            self.chooser.check(env)
         self.reset(env)
 
     def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
@@ -199,10 +208,11 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 def _files(spec: str) -> dict[str, bytes]:
     """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
     file = Path(spec.rpartition(":")[2])
-    if file.suffix not in _FILES or not file.is_file():
+    if file.suffix not in FILES or not file.is_file():
         return {}
-    both = (file, file.with_name("formulation.json"))
-    return {one.name: one.read_bytes() for one in both if one.is_file()}
+    from smpl.learning.saved import sidecars
+
+    return {one.name: one.read_bytes() for one in (file, *sidecars(file)) if one.is_file()}
 
 
 def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) -> Agent:
@@ -218,7 +228,7 @@ def described(one: Agent) -> Description:
     """What a controller is, its settings and code included: results are not continued with other ones."""
     if one.origin is not None:
         file = Path(one.origin[0].rpartition(":")[2])
-        if file.suffix in _FILES and file.is_file():
+        if file.suffix in FILES and file.is_file():
             text = b"".join(_files(one.origin[0]).values())
             return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
     return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
@@ -227,7 +237,7 @@ def described(one: Agent) -> Description:
 def _title(spec: str) -> str:
     """Name of a policy file without its folder and ending; of anything else the text itself."""
     file = Path(spec.rpartition(":")[2])
-    return file.stem if file.suffix in _FILES else spec
+    return file.stem if file.suffix in FILES else spec
 
 
 def _made(spec: str, model: Model) -> Any:
@@ -236,8 +246,10 @@ def _made(spec: str, model: Model) -> Any:
         return known[spec]()
     if spec.startswith("constant:"):
         return controllers.Constant(_numbers(spec))
-    if Path(spec.rpartition(":")[2]).suffix in _FILES:
-        return _formulated(_policy_file(spec), Path(spec.rpartition(":")[2]))
+    if Path(spec.rpartition(":")[2]).suffix in FILES:
+        from smpl.learning.saved import in_its_formulation
+
+        return in_its_formulation(_policy_file(spec), Path(spec.rpartition(":")[2]), model)
     if ":" in spec:
         return _imported(spec)
     later = _baseline(model, spec)
@@ -321,14 +333,6 @@ def of_torchscript() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"`torch\.jit\.", FutureWarning)
         yield
-
-
-def _formulated(policy: Any, file: Path) -> Any:
-    """The policy, in the formulation that lies beside its file, if there is one."""
-    from smpl.learning.formulation import FormulatedPolicy, Formulation
-
-    formulation = Formulation.beside(file)
-    return policy if formulation is None else FormulatedPolicy(policy, formulation)
 
 
 def _stable_baselines(algorithm: str, file: str) -> Any:

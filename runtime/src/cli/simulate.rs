@@ -1,7 +1,7 @@
 //! `smpl simulate`
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
@@ -18,7 +18,7 @@ use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
 use crate::setup::{Setup, method};
 use crate::sweep::Sweep;
-use crate::trajectory::{Recorder, read_actions, read_disturbances, read_initial};
+use crate::trajectory::{Between, Clock, Recorder, read_actions, read_disturbances, read_initial};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -35,7 +35,7 @@ pub(super) struct SimulateArguments {
     file: PathBuf,
     #[command(flatten)]
     pub(super) model: ModelArguments,
-    /// Actions: columns named as the actions, physical units, row by row the steps 1..n
+    /// Actions: columns named as the actions, physical units, by a column `time` or row by row the steps 1..n
     #[arg(long, value_name = "A.csv", conflicts_with = "policy")]
     actions: Option<PathBuf>,
     /// nominal, random, or a policy that the model declares
@@ -53,6 +53,12 @@ pub(super) struct SimulateArguments {
     /// Recorded disturbances in place of drawn ones
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
+    /// Course of recorded inputs between the times of their tables
+    #[arg(long, value_enum, default_value_t)]
+    resample: Between,
+    /// Warnings that were given: several runs read the same tables.
+    #[arg(skip)]
+    warned: Mutex<Vec<String>>,
     /// Seed of the episode
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
     pub(super) seed: u64,
@@ -310,7 +316,10 @@ impl SimulateArguments {
     /// The policy of a name, or the recorded actions.
     pub(crate) fn policy_named(&self, name: &str, seed: u64, environment: &Environment) -> Result<Policy, Failed> {
         if let Some(path) = &self.actions {
-            return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
+            let inputs = read_actions(path, environment.catalogue(), self.clock(environment.setup()))?;
+            self.warn_of_split(path, inputs.split.as_ref());
+            let row = |step: usize| inputs.sequences.iter().map(|sequence| sequence[step]).collect();
+            return Ok(Policy::Recorded((0..inputs.steps).map(row).collect()));
         }
         match name {
             "nominal" => Ok(nominal(environment)),
@@ -327,6 +336,23 @@ impl SimulateArguments {
         }
     }
 
+    /// Warns, once, of a recorded input that changes within a step.
+    fn warn_of_split(&self, path: &Path, split: Option<&(String, usize)>) {
+        let Some((name, step)) = split else { return };
+        let path = path.display();
+        let text =
+            format!("warning: {path}: `{name}` changes within step {step}; a step has one value of an input, the mean over the step\n");
+        let mut warned = self.warned.lock().unwrap_or_else(PoisonError::into_inner);
+        if !warned.contains(&text) {
+            report::note(&text);
+            warned.push(text);
+        }
+    }
+
+    fn clock(&self, setup: &Setup) -> Clock {
+        Clock { step: setup.model().interface().episode.step, between: self.resample, most: setup.max_steps() as usize }
+    }
+
     /// How episodes begin.
     pub(crate) fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
         let start = match self.start {
@@ -341,7 +367,9 @@ impl SimulateArguments {
             options.discrete = discrete;
         }
         if let Some(path) = &self.disturbances {
-            options.disturbances = read_disturbances(path, &setup.catalogue)?;
+            let (disturbances, split) = read_disturbances(path, &setup.catalogue, self.clock(setup))?;
+            self.warn_of_split(path, split.as_ref());
+            options.disturbances = disturbances;
         }
         Ok(options)
     }

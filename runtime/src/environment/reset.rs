@@ -60,6 +60,8 @@ pub struct ResetOptions {
     pub expected: bool,
     /// Steps that count as completed at the start: the clock begins there, and so do recorded disturbances.
     pub first_step: u32,
+    /// Disturbances at the start by name, from which their rules go on.
+    pub disturbed: BTreeMap<String, f64>,
     /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the start if none.
     pub disturbance_seed: Option<u64>,
 }
@@ -364,6 +366,11 @@ impl Environment {
         for (name, &value) in &options.discrete {
             let at = catalogue.discretes.get(name, "discrete variable")?.at;
             self.system.region_mut(Region::Discrete)[at] = value;
+        }
+        finite(&options.disturbed, "disturbance")?;
+        for (name, &value) in &options.disturbed {
+            let at = catalogue.disturbances.get(name, "disturbance")?.at;
+            self.system.region_mut(Region::Disturbance)[at] = value;
         }
         self.check_phase()
     }
