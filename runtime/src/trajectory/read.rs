@@ -14,6 +14,7 @@ pub type Values = BTreeMap<String, f64>;
 pub(crate) type Sequences = BTreeMap<String, Vec<f64>>;
 
 /// Recorded inputs: a sequence for each column, one value a step.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
     /// Number of steps.
     pub steps: usize,
