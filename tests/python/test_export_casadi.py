@@ -34,8 +34,11 @@ def parameters(functions, model, points):
     for name, value in values.items():
         if name in names:
             p[names.index(name)] = value
-    # What an episode would have begun with, and its last instant, are zero where there is none.
-    p[[name.startswith(("initial(", "previous(")) for name in names]] = 0.0
+    # As in a step from there, an episode begins with the state, and so does its last instant.
+    unknowns = dict(zip(model.unknown_names, points.y, strict=True))
+    for at, name in enumerate(names):
+        if name.startswith(("initial(", "previous(")):
+            p[at] = unknowns[name[name.index("(") + 1 : -1]]
     return p
 
 
