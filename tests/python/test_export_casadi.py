@@ -34,11 +34,7 @@ def parameters(functions, model, points):
     for name, value in values.items():
         if name in names:
             p[names.index(name)] = value
-    # As in a step from there, an episode begins with the state, and so does its last instant.
-    unknowns = dict(zip(model.unknown_names, points.y, strict=True))
-    for at, name in enumerate(names):
-        if name.startswith(("initial(", "previous(")):
-            p[at] = unknowns[name[name.index("(") + 1 : -1]]
+    points.set_instants(model, names, p)
     return p
 
 
