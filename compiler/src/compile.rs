@@ -97,7 +97,10 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         Ok(elaborated) => elaborated,
         Err(faults) => return Err(independent(sources, texts.faults, faults)),
     };
-    let (mut model, mut warnings) = determine(elaborated)?;
+    let (mut model, mut warnings) = determine(elaborated).map_err(|mut faults| {
+        elaborate::show_derivatives(&texts.files, sources, &mut faults);
+        faults
+    })?;
     if model.interface.name.is_empty() {
         model.interface.name = named_after(sources.name(main));
     }
@@ -122,11 +125,13 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
         structure::write_out_ranges(&mut model, &mut equations);
     }
     structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
+    structure::combine_rates(&mut model, &mut equations);
     let rates = structure::cover_states(&model, &equations)?;
     structure::substitute_derivatives(&mut model, &mut equations);
+    let written = equations.clone();
     let plan = structure::plan_algebraic(&mut model, &mut equations);
     structure::substitute_algebraic(&mut model, &mut equations, &plan);
-    model.rows = structure::match_rows(&mut model, equations, &plan, &rates)?;
+    model.rows = structure::match_rows(&mut model, equations, &written, &plan, &rates)?;
     structure::refuse_singular_loops(&model)?;
     model.explicit = structure::is_explicit(&model);
     structure::order_initial(&mut model)?;

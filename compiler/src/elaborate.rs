@@ -53,6 +53,7 @@ use select::Input;
 use select::variants::Choices;
 
 pub use built_ins::is_built_in;
+pub(crate) use check::derivative::show_derivatives;
 pub(crate) use check::lints::unused_parameters;
 pub use episode::is_entry_setting;
 pub(crate) use episode::ordered_initial;

@@ -218,7 +218,7 @@ fn a_reset_of_numbered_cells_is_one_loop_on_any_grid() {
 }
 
 #[test]
-fn resets_that_read_neighbours_go_one_after_another() {
+fn resets_that_read_neighbours_see_the_values_before_all_of_them() {
     let mut r = Running::new(
         "domain z in 0..1 cells 4
          state c[z] = z
@@ -227,5 +227,78 @@ fn resets_that_read_neighbours_go_one_after_another() {
     );
     let Running { model, memory, y, .. } = &mut r;
     model.start(memory, 0.0, y);
-    assert_close(r.get("c[4]"), 3.125);
+    // The centres were 0.125, 0.375, 0.625, 0.875.
+    let expected = [0.125, 1.125, 1.375, 1.625];
+    r.y.iter().zip(expected).for_each(|(a, b)| assert_close(*a, b));
+}
+
+#[test]
+fn resets_of_one_block_act_together() {
+    let mut r = Running::new(
+        "state a = 1
+         state b = 2
+         state c = 3
+         discrete n = 5
+         eq d/dt a = -a / 1 [s]
+         eq d/dt b = -b / 1 [s]
+         eq d/dt c = -c / 1 [s]
+         event low when a <= 0.5
+         at low {
+           reset a = b
+           next n = n + a
+           reset b = a + n
+           clamp b at 5 when b > 5
+           reset c = b
+         }",
+    );
+    let Running { model, memory, y, .. } = &mut r;
+    model.event(0, memory, 0.0, y);
+    // b = 1 + 5 is clamped to 5, and what follows the clamp sees that.
+    assert_eq!(r.y, [2.0, 5.0, 5.0]);
+    assert_close(r.discrete("n"), 6.0);
+}
+
+#[test]
+fn resets_see_old_values_through_explicit_variables() {
+    let mut r = Running::new(
+        "state a = 1
+         state b = 2
+         var total = 3
+         eq total = a + b
+         eq d/dt a = -a / 1 [s]
+         eq d/dt b = -b / 1 [s]
+         at end {
+           reset a = total - a
+           reset b = total - b
+         }",
+    );
+    let Running { model, memory, y, .. } = &mut r;
+    model.end(memory, 0.0, y);
+    assert_eq!(r.y, [2.0, 1.0]);
+}
+
+#[test]
+fn arrays_are_exchanged_in_loops() {
+    for cells in [3, 40] {
+        let mut r = Running::new(&format!(
+            "domain z in 0..1 cells {cells}
+             state a[z] = z
+             state b[z] = 2 + z
+             eq d/dt a[z] = -a[z] / 1 [s] for z
+             eq d/dt b[z] = -b[z] / 1 [s] for z
+             at end {{
+               reset a[z] = b[z] + sum(a[i] for i in 1..2) for z
+               reset b = a[1]
+               reset b[z] = a[z+1] for z in 1..z.last-1
+             }}"
+        ));
+        let centre = |i: usize| (i as f64 + 0.5) / cells as f64;
+        let Running { model, memory, y, .. } = &mut r;
+        model.end(memory, 0.0, y);
+        for i in 0..cells {
+            assert_close(r.y[i], 2.0 + centre(i) + (centre(0) + centre(1)));
+            let last = i + 1 == cells;
+            assert_close(r.y[cells + i], if last { centre(0) } else { centre(i + 1) });
+        }
+    }
 }

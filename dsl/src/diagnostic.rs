@@ -25,7 +25,7 @@ use serde::Serialize;
 
 pub use codes::Code;
 pub use faults::{Faults, SHOWN};
-pub use json::JsonDiagnostic;
+pub use json::{JsonDiagnostic, JsonPlace};
 pub use printable::printable;
 pub use source_map::{Location, SourceFile, SourceMap};
 pub use suggest::{did_you_mean, suggest};
@@ -111,6 +111,13 @@ impl Diagnostic {
     #[must_use]
     pub fn secondary(mut self, span: Span, text: impl Into<String>) -> Self {
         self.secondary.push(Label { span, text: text.into() });
+        self
+    }
+
+    /// Adds secondary places, each with its text.
+    #[must_use]
+    pub fn secondaries(mut self, places: impl IntoIterator<Item = (String, Span)>) -> Self {
+        self.secondary.extend(places.into_iter().map(|(text, span)| Label { span, text }));
         self
     }
 

@@ -11,6 +11,7 @@ import importlib
 from types import ModuleType
 
 from smpl._files import announce_library
+from smpl._foreign import check as _check_foreign
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
@@ -48,5 +49,6 @@ def __getattr__(name: str) -> ModuleType:
     raise AttributeError(f"module 'smpl' has no attribute {name!r}", name=name)
 
 
+_check_foreign()
 announce_library()
 register_envs()

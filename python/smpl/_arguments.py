@@ -186,6 +186,18 @@ def check_names(argument: str, given: Iterable[str], known: Iterable[str]) -> No
         raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; {_listing(right)}")
 
 
+def check_once(argument: str, given: Iterable[str]) -> None:
+    """Refuse names that occur twice.
+
+    Raises:
+        ValueError: lists them.
+    """
+    names = list(given)
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"{argument} has {', '.join(map(repr, twice))} more than once")
+
+
 def check_within(what: str, ends: tuple[float, float], name: str, model: Model) -> None:
     """Refuse a range of a parameter that is not within its declared bounds.
 
@@ -195,7 +207,8 @@ def check_within(what: str, ends: tuple[float, float], name: str, model: Model) 
     place = model.parameter_names.index(name)
     low, high = (float(bounds[place]) for bounds in model.native.bounds("parameter"))
     if not low <= ends[0] <= ends[1] <= high:
-        raise ValueError(f"{what} is {ends[0]:g} to {ends[1]:g}, outside of the bounds of {name}, {low:g} to {high:g}")
+        given = f"{ends[0]:g}" if ends[0] == ends[1] else f"{ends[0]:g} to {ends[1]:g}"
+        raise ValueError(f"{what} is {given}, outside of the bounds of {name}, {low:g} to {high:g}")
 
 
 def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[str, str]:

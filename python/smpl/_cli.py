@@ -7,6 +7,7 @@ import sys
 import threading
 
 from smpl import _native
+from smpl._foreign import check
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -15,6 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: without the program's name; those of the process by default.
     """
+    check()  # the `__init__` of another project may have replaced the one that does this
     command = ["smpl", *(sys.argv[1:] if arguments is None else arguments)]
     if command[1:2] == ["fit"]:  # done here, not by the compiled command
         from smpl._fit_command import main as fit

@@ -32,6 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
         "--noise", action="append", default=[], metavar="NAME=S", help="deviation of an output; repeatable"
     )
     parser.add_argument("--derivatives", choices=DERIVATIVES, default="auto", help="exact, or differences")
+    parser.add_argument(
+        "--resample", choices=("hold", "linear"), default="hold", help="course of inputs between the times of a table"
+    )
     parser.add_argument("--plot", type=Path, metavar="FIT.svg", help="picture of fit and residuals (.svg, .png, .pdf)")
     parser.add_argument("--out", type=Path, metavar="S.yaml", help="write a scenario with the values found")
     given = parser.parse_args(arguments)
@@ -52,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
             found = fit(
                 model, given.data, begin, outputs=_names(given.outputs), initial=_names(given.initial) or (),
                 noise={name: float(value) for name, value in map(_pair, given.noise)}, derivatives=given.derivatives,
+                resample=given.resample,
             )  # fmt: skip
         if given.plot is not None:
             found.figure().savefig(given.plot)

@@ -8,39 +8,37 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 
 
 def fit_figure(
     simulated: Sequence[Mapping[str, FloatArray]],
     residuals: Sequence[Mapping[str, FloatArray]],
+    times: Sequence[FloatArray],
     noise: Mapping[str, float],
-    step: float,
     units: Mapping[str, str],
     time: str,
 ) -> Any:
     """Runs with what was measured, an output a row, and beside them the residuals over their deviation.
 
     Args:
-        simulated: of each run, output -> values at the sampling instants.
+        simulated: of each run, output -> values at its times.
         residuals: measured less simulated, NaN where nothing was read.
+        times: of each run.
         noise: deviations by outputs.
-        step: sampling interval.
         units: of the outputs.
         time: label of the instants.
 
     Raises:
         ImportError: Matplotlib is missing.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("pictures of a fit need Matplotlib: pip install 'smpl[report]'") from error
+    figure_class = load("matplotlib.figure", "a picture of a fit").Figure
     names = list(noise)
-    figure = Figure(figsize=(10, 0.6 + 2.1 * len(names)), layout="constrained")
+    figure = figure_class(figsize=(10, 0.6 + 2.1 * len(names)), layout="constrained")
     axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
     for (left, right), name in zip(axes, names, strict=True):
         for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):
-            instants, color = step * np.arange(len(line[name])), f"C{number % 10}"
+            instants, color = times[number], f"C{number % 10}"
             read = np.isfinite(rest[name])
             left.plot(instants[read], (line[name] + rest[name])[read], ".", ms=4, color=color, alpha=0.5)
             left.plot(instants, line[name], color=color, lw=1.2, label=f"run {number}")

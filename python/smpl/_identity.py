@@ -37,6 +37,8 @@ _UNSAID = (
 )  # fmt: skip
 # Attribute with the arguments of a controller that follows from them, whatever it has built since.
 MADE_FROM = "_made_from"
+# Attribute of a controller that was reset; it changes nothing that the controller does.
+BEGUN = "_begun"
 Description = dict[str, str]
 Parts = list[tuple[str, Any]]
 
@@ -302,7 +304,7 @@ def _set_since(thing: Any) -> dict[str, Any]:
     return {
         name: one
         for name, one in vars(thing).items()
-        if name != MADE_FROM and name not in later and (name not in at_making or _plain(one) is not None)
+        if name not in (MADE_FROM, BEGUN) and name not in later and (name not in at_making or _plain(one) is not None)
     }
 
 
@@ -375,7 +377,7 @@ def _state(kind: type, state: Any) -> Parts:
         return [*_state(kind, state[0]), *_state(kind, state[1])]
     if isinstance(state, dict) and all(isinstance(name, str) for name in state):
         kept = {name for name in state if isinstance(inspect.getattr_static(kind, name, None), cached_property)}
-        return _named({name: one for name, one in state.items() if name not in kept})
+        return _named({name: one for name, one in state.items() if name not in kept and name != BEGUN})
     return [] if state is None else [(".", state)]
 
 

@@ -29,6 +29,18 @@ class Diagnostic:
     severity: str
     message: str
     help: str | None
+    notes: list[str]
+    related: list[RelatedPlace]
+
+class RelatedPlace:
+    """Another place that belongs to a finding; positions are 1-based and count characters."""
+
+    message: str
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
 
 class CompileError(Exception):
     """The model is at fault; `diagnostics` says where and why."""
@@ -99,7 +111,14 @@ class Model:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
     @property
     def constraint_names(self) -> list[str]: ...
-    failures: list[tuple[str, bool]]
+    def disturbed(
+        self,
+        points: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+        parameters: Sequence[tuple[str, FloatArray]],
+        discrete: Sequence[tuple[str, FloatArray]],
+        first_step: int,
+    ) -> tuple[FloatArray, FloatArray]: ...
+    def draws(self) -> list[tuple[str, bool, bool]]: ...
     def sensitivity(
         self,
         states: FloatArray,
@@ -118,7 +137,7 @@ class Model:
         discrete: Sequence[tuple[str, FloatArray]],
         disturbances: Sequence[tuple[str, FloatArray]],
         size: tuple[int, int],
-        options: tuple[int | None, int, bool],
+        options: tuple[int | None, int, bool, Sequence[tuple[int, float]]],
         run: tuple[int, int | None, str | None],
     ) -> tuple[
         FloatArray,
@@ -131,6 +150,8 @@ class Model:
         npt.NDArray[np.bool_],
         npt.NDArray[np.bool_],
         list[str],
+        tuple[list[str], list[str]],
+        tuple[FloatArray, FloatArray],
     ]: ...
 
 class Start:
@@ -174,6 +195,9 @@ class Env:
     time: float
     steps: int
     max_steps: int
+    # Cause of the last step's failure, see `Rollout.failure_kind`, and the name of a declared one.
+    failure_kind: str
+    failure_name: str
     steady_state: FloatArray | None
     steady_action: FloatArray | None
     constraint_names: list[str]
@@ -226,6 +250,9 @@ class Batch:
     def restore(self, snapshots: list[tuple[Snapshot, bool]]) -> None: ...
 
 def main(arguments: Sequence[str]) -> int: ...
+def on_steps(
+    times: FloatArray, values: FloatArray, step: float, linear: bool, end: float | None, most: int
+) -> tuple[list[float], int | None]: ...
 
 class Picture:
     """A picture of an episode or of saved runs; it shows itself in a notebook."""

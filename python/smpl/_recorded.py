@@ -79,14 +79,20 @@ class Recorded:
         return [*range(count), *range(count + place * width, count + (place + 1) * width)]
 
     def values(self, place: int, points: FloatArray) -> FloatArray:
-        """Outputs (N, H + 1, outputs) of a run at all points (N, d), in one call of rollouts."""
+        """Outputs (N, H + 1 + instants, outputs) of a run at all points (N, d), in one call of rollouts."""
         found = self._rollout(place, points, None)
         if len(points) == 1:
             self._latest[place] = (points[0].tobytes(), found)
         return self._chosen(found)
 
     def _chosen(self, found: Any) -> FloatArray:
-        return np.stack([(found.observations if seen else found.states)[:, :, i] for seen, i in self._outputs], axis=-1)
+        low, high = self._edges
+        within = np.clip(found.measured, low, high)
+        parts = [
+            ((found.observations, within) if seen else (found.states, found.instant_states), i)
+            for seen, i in self._outputs
+        ]
+        return np.stack([np.concatenate([one[:, :, i] for one in both], axis=1) for both, i in parts], axis=-1)
 
     def _rollout(self, place: int, points: FloatArray, steps: int | None) -> Any:
         run = self.runs[place]
@@ -105,10 +111,11 @@ class Recorded:
             method=self._method,
             threads=1 if steps else None,  # of a few steps, threads cost more than they bring
             max_steps=len(run.actions),  # a record may be longer than an episode of the model
+            instants=() if steps else run.instants,
         )
 
     def differences(self, place: int, points: FloatArray, steps: int | None = None) -> FloatArray:
-        """Derivatives (H + 1, outputs, d) from the points of `beside`, by what they are apart."""
+        """Derivatives (H + 1 + instants, outputs, d) from the points of `beside`, by what they are apart."""
         size = (len(points) - 1) // 2
         found = self._chosen(self._rollout(place, points, steps))
         distance = (points[1 : size + 1] - points[size + 1 :]).diagonal()
@@ -127,6 +134,10 @@ class Recorded:
                 run, which has a memory besides them.
         """
         run, own = self.runs[place], self._own(place)
+        if run.instants:
+            raise SimulationError(
+                f"{run.name} has samples within steps, or of rare or late sensors, at their own times"
+            )
         at, path = self._latest.get(place, (b"", None))
         if at != point.tobytes():
             path = self._rollout(place, point[None], None)

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import csv
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from smpl._arguments import FloatArray
-from smpl._native import SimulationError
+from smpl._native import SimulationError, on_steps
+from smpl._optional import load
 from smpl.envs import Env, from_unit
 from smpl.model import Model
+
+# Times within this part of a step are one time.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,8 @@ class Run:
         disturbances: sequences by name, (H,).
         parameters: known values.
         assumed: states of which the record has no start.
+        instants: samples at times of their own: the step, from 0, and the share of it.
+        samples: outputs by name at these instants, NaN where nothing was read.
     """
 
     name: str
@@ -40,10 +47,24 @@ class Run:
     disturbances: dict[str, FloatArray]
     parameters: dict[str, float]
     assumed: tuple[str, ...] = ()
+    instants: tuple[tuple[int, float], ...] = ()
+    samples: dict[str, FloatArray] = field(default_factory=dict)
+
+    def values(self, name: str) -> FloatArray:
+        """An output at the ends of the steps, then at the instants, (H + 1 + instants,)."""
+        missing = np.full(len(self.instants), np.nan)
+        return np.concatenate([self.outputs[name], self.samples.get(name, missing)])
+
+    def times(self, step: float) -> FloatArray:
+        """Times of these values for a sampling interval."""
+        within = [k + share for k, share in self.instants]
+        return step * np.concatenate([np.arange(len(self.actions) + 1), within])
 
 
-def read_runs(model: Model, runs: Any) -> list[Run]:
+def read_runs(model: Model, runs: Any, resample: str = "hold") -> list[Run]:
     """All runs: one or several of any kind; a data set, or its folder, is one run an episode.
+
+    `resample` is the course of inputs between the times of a table, `hold` or `linear`.
 
     Raises:
         ValueError: what is none, or lacks the actions; another model's data set.
@@ -60,11 +81,21 @@ def read_runs(model: Model, runs: Any) -> list[Run]:
 
             found += read_runs(model, load(run))
         else:
-            found += _read(model, run, place)
+            found += _read(model, run, place, resample)
+    for one in found:
+        _check_outputs(one)
     return found
 
 
-def _read(model: Model, run: Any, place: int) -> list[Run]:
+def _check_outputs(run: Run) -> None:
+    """Refuse outputs that are not numbers; only an empty cell, or NaN, is a missing value."""
+    for name, values in run.outputs.items():
+        wrong = np.flatnonzero(np.isinf(values))
+        if len(wrong):
+            raise ValueError(f"{run.name}: {name} has no finite number in row {wrong[0]}; leave a missing value empty")
+
+
+def _read(model: Model, run: Any, place: int, resample: str) -> list[Run]:
     """A run of any kind, or the runs of a table.
 
     Raises:
@@ -72,10 +103,10 @@ def _read(model: Model, run: Any, place: int) -> list[Run]:
         FileNotFoundError: there is no such file.
     """
     if isinstance(run, (str, os.PathLike)):
-        return [_from_columns(model, one, name) for name, one in _separated(read_table(run), str(run))]
+        return [_from_columns(model, one, name, resample) for name, one in _separated(read_table(run), str(run))]
     if isinstance(run, Mapping):
         columns = {str(name): np.asarray(values, dtype=np.float64) for name, values in run.items()}
-        return [_from_columns(model, one, name) for name, one in _separated(columns, f"run {place}")]
+        return [_from_columns(model, one, name, resample) for name, one in _separated(columns, f"run {place}")]
     if hasattr(run, "states") and hasattr(run, "actions") and hasattr(run, "observations"):
         return [_from_episode(model, run, f"run {place}")]
     raise ValueError(
@@ -84,17 +115,14 @@ def _read(model: Model, run: Any, place: int) -> list[Run]:
 
 
 def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
-    """Columns of a CSV or Parquet file; what is no number is NaN, truth values are 0 and 1.
+    """Columns of a CSV or Parquet file; empty cells are NaN, truth values 0 and 1, and other texts infinite.
 
     Raises:
         ValueError: no rows, a row of another length, or two columns of one name.
     """
     file = Path(path)
     if file.suffix == ".parquet":
-        try:
-            import pyarrow.parquet as parquet
-        except ImportError as error:
-            raise ImportError("reading Parquet needs pyarrow: pip install pyarrow") from error
+        parquet = load("pyarrow.parquet", "reading Parquet")
         table = parquet.read_table(file)
         _check_once(file, table.column_names)
         return {name: _numbers(table[name].to_pylist()) for name in table.column_names}
@@ -123,10 +151,12 @@ def _numbers(values: Any) -> FloatArray:
 def _number(value: Any) -> float:
     if value in ("true", "false"):
         return float(value == "true")
+    if value is None or value == "":
+        return float("nan")
     try:
         return float(value)
     except (TypeError, ValueError):
-        return float("nan")
+        return float("inf")
 
 
 def _separated(columns: Mapping[str, FloatArray], name: str) -> list[tuple[str, Mapping[str, FloatArray]]]:
@@ -158,35 +188,45 @@ def _separated(columns: Mapping[str, FloatArray], name: str) -> list[tuple[str, 
     return found
 
 
-def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str) -> Run:
+def _from_columns(model: Model, columns: Mapping[str, FloatArray], name: str, resample: str) -> Run:
     missing = [action for action in model.action_names if action not in columns]
     if missing:
         raise ValueError(f"{name} has no column for the actions {', '.join(missing)}")
+    outputs = {state: columns[state] for state in model.state_names if state in columns}
+    outputs |= {seen: columns[f"obs.{seen}"] for seen in model.observation_names if f"obs.{seen}" in columns}
+    if "time" in columns and "step" not in columns:
+        _check_times(columns["time"], name)
+        return _by_time(model, columns, outputs, name, resample)
+    if resample == "linear":
+        raise ValueError(f"{name}: linear resampling needs a column time, and no column step")
+    if "time" in columns:
+        _check_against_steps(columns["time"], model.step, name)
     # Row 0 is the start; the action of a row is that of the step that led to it.
     rows = len(next(iter(columns.values())))
     actions = np.array([columns[action][1:] for action in model.action_names]).reshape(-1, rows - 1).T
     if not np.isfinite(actions).all():
         raise ValueError(f"{name}: an action is missing in row {int(np.argwhere(~np.isfinite(actions))[0, 0]) + 1}")
-    outputs = {state: columns[state] for state in model.state_names if state in columns}
-    outputs |= {seen: columns[f"obs.{seen}"] for seen in model.observation_names if f"obs.{seen}" in columns}
     start = {state: float(columns[state][0]) for state in model.state_names if state in columns}
-    return Run(
-        name,
-        _states(model, start),
-        actions,
-        outputs,
-        {
-            one: float(columns[one][0])
-            for one in model.discrete_names
-            if one in columns and np.isfinite(columns[one][0])
-        },
-        {one: _sequence(columns[one][1:], one, name) for one in model.disturbance_names if one in columns},
-        {
-            one: float(columns[f"param.{one}"][0])
-            for one in model.parameter_names
-            if f"param.{one}" in columns and np.isfinite(columns[f"param.{one}"][0])
-        },
-        tuple(name for name in model.state_names if not np.isfinite(start.get(name, np.nan))),
+    disturbances = {one: _sequence(columns[one][1:], one, name) for one in model.disturbance_names if one in columns}
+    return _of_start(model, columns, name, start, Run(name, np.zeros(0), actions, outputs, {}, disturbances, {}))
+
+
+def _of_start(model: Model, columns: Mapping[str, FloatArray], name: str, start: Mapping[str, float], run: Run) -> Run:
+    """A run with what its record says of the start: states, discrete variables and parameters."""
+
+    def first(names: Iterable[str], prefix: str) -> dict[str, float]:
+        known = {one: columns[prefix + one][0] for one in names if prefix + one in columns}
+        wrong = [one for one, value in known.items() if np.isinf(value)]
+        if wrong:
+            raise ValueError(f"{name}: {prefix}{wrong[0]} has no finite number in row 0")
+        return {one: float(value) for one, value in known.items() if np.isfinite(value)}
+
+    return replace(
+        run,
+        states=_states(model, start),
+        discrete=first(model.discrete_names, ""),
+        parameters=first(model.parameter_names, "param."),
+        assumed=tuple(one for one in model.state_names if not np.isfinite(start.get(one, np.nan))),
     )
 
 
@@ -195,6 +235,126 @@ def _sequence(values: FloatArray, disturbance: str, name: str) -> FloatArray:
     if len(missing):
         raise ValueError(f"{name}: the disturbance {disturbance} is missing in row {missing[0] + 1}")
     return values
+
+
+def _check_times(times: FloatArray, name: str) -> None:
+    """Refuse times of rows that do not increase from 0, the start of a run, or later.
+
+    Raises:
+        ValueError: names the row.
+    """
+    wrong = np.flatnonzero(~np.isfinite(times))
+    if len(wrong):
+        raise ValueError(f"{name}: the column time has no finite number in row {wrong[0]}")
+    if times[0] < 0:
+        raise ValueError(f"{name}: the column time has {times[0]:g} in row 0; a run begins at 0")
+    falls = np.flatnonzero(np.diff(times) <= 0)
+    if len(falls):
+        row = falls[0] + 1
+        raise ValueError(
+            f"{name}: the column time has {times[row]:g} in row {row}, after {times[row - 1]:g}; times must increase"
+        )
+
+
+def _check_against_steps(times: FloatArray, step: float, name: str) -> None:
+    """Refuse times that are not within the steps that their rows count."""
+    ends = step * np.arange(len(times))
+    wrong = np.flatnonzero(~((times <= ends + _SAME * step) & (times >= ends - (1 + _SAME) * step)))
+    if len(wrong):
+        row = wrong[0]
+        raise ValueError(
+            f"{name}: the column time has {times[row]:g} in row {row}, whose step ends at {ends[row]:g}; leave the "
+            "column step out to take the rows by their times, or the column time to take them one after another"
+        )
+
+
+def _by_time(
+    model: Model, columns: Mapping[str, FloatArray], outputs: Mapping[str, FloatArray], name: str, resample: str
+) -> Run:
+    """A run of a table whose rows have times of their own; every value of an output is a sample of its time."""
+    times, h = columns["time"], model.step
+    sampled = np.any([np.isfinite(values) for values in outputs.values()], axis=0) if outputs else np.zeros(len(times))
+    last = float(times[np.flatnonzero(sampled)[-1]]) if np.any(sampled) else 0.0
+    steps = int(np.ceil(last / h - _SAME))
+    if steps < 1:
+        raise ValueError(f"{name} has no value of a state or observation (obs.NAME) after the start")
+    disturbed = [one for one in model.disturbance_names if one in columns]
+    # As in the tables of `smpl simulate`, a value holds up to its time, unless row 0 has one at the start.
+    first = [columns[one][0] for one in (model.action_names or disturbed)]
+    after = times[0] <= _SAME * h and bool(np.isfinite(first).any())
+    course = _Course(times, h, resample == "linear", after, steps, last)
+    actions = np.array([course.on_steps(columns[one], one, name) for one in model.action_names])
+    disturbances = {one: course.on_steps(columns[one], one, name) for one in disturbed}
+    at_start = times[0] <= _SAME * h
+    start = {one: float(columns[one][0]) for one in model.state_names if at_start and one in columns}
+    grid, instants, samples = _placed(model, times, outputs, steps)
+    run = Run(name, np.zeros(0), actions.reshape(-1, steps).T, grid, {}, disturbances, {}, (), instants, samples)
+    return _of_start(model, columns, name, start, run)
+
+
+@dataclass(frozen=True)
+class _Course:
+    """How inputs go on between the times of a table."""
+
+    times: FloatArray
+    step: float
+    linear: bool
+    after: bool
+    steps: int
+    last: float
+
+    def on_steps(self, values: FloatArray, column: str, name: str) -> FloatArray:
+        """A value for each step; the mean over it, with a warning, where a held input changes within one."""
+        wrong = np.flatnonzero(np.isinf(values))
+        if len(wrong):
+            raise ValueError(f"{name}: {column} has no finite number in row {wrong[0]}")
+        read = np.isfinite(values)
+        # The last value holds as long as a row before it did.
+        end = float(2 * self.times[-1] - self.times[-2]) if self.after else None
+        try:
+            found, split = on_steps(self.times[read], values[read], self.step, self.linear, end, self.steps)
+        except ValueError as error:
+            raise ValueError(f"{name}: {column}: {error}") from error
+        until = self.times[read][-1] if end is None or self.linear else end
+        if len(found) < self.steps or until < self.last - _SAME * self.step:
+            raise ValueError(f"{name}: {column} ends at {until:g}, before the last sample at {self.last:g}")
+        if split is not None:
+            text = (
+                f"{name}: {column} changes within step {split + 1}; a step has one value of it, the mean over the step"
+            )
+            warnings.warn(text, stacklevel=8)
+        return np.array(found)
+
+
+def _placed(
+    model: Model, times: FloatArray, outputs: Mapping[str, FloatArray], steps: int
+) -> tuple[dict[str, FloatArray], tuple[tuple[int, float], ...], dict[str, FloatArray]]:
+    """Samples at the ends of steps, and those at instants of their own: within steps, or of rare or late sensors."""
+    from smpl.controllers.sensors import sensors
+
+    declared = sensors(model)
+    seen = model.observation_names
+    plain = {name: name not in seen or (declared.every[i] == 1 and declared.delay[i] == 0)
+             for name in outputs for i in [seen.index(name) if name in seen else 0]}  # fmt: skip
+    grid = {name: np.full(steps + 1, np.nan) for name in outputs}
+    instants: dict[tuple[int, float], int] = {}
+    apart: dict[str, dict[int, float]] = {name: {} for name in outputs}
+    for row, time in enumerate(times / model.step):
+        k = round(time)
+        on_grid = abs(time - k) <= _SAME
+        for name, values in outputs.items():
+            if np.isnan(values[row]):
+                continue
+            if on_grid and (plain[name] or k == 0):
+                grid[name][k] = values[row]
+                continue
+            place = (k - 1, 1.0) if on_grid else (int(time), float(time - int(time)))
+            apart[name][instants.setdefault(place, len(instants))] = values[row]
+    samples = {}
+    for name, found in apart.items():
+        samples[name] = np.full(len(instants), np.nan)
+        samples[name][list(found)] = list(found.values())
+    return grid, tuple(instants), samples
 
 
 def _from_episode(model: Model, episode: Any, name: str) -> Run:

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
+from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names, check_once
 from smpl._native import SimulationError
+from smpl._optional import load
 from smpl._recorded import DISTANCE, Recorded, beside
 from smpl._runs import Run, read_runs, without_computed
 from smpl.envs import check_method
@@ -44,12 +45,16 @@ class Fit:
         initial: the estimated initial states of each run.
         noise: standard deviation of each output, declared or estimated.
         indistinct: groups of parameters of which only a combination is determined.
-        residuals: measured less simulated of each run, output -> array over steps (NaN where nothing was read).
+        residuals: measured less simulated of each run, output -> array over `times` (NaN where nothing was read).
         evaluations: how many points were simulated.
         success: whether the optimiser converged.
         derivatives: `exact`, or `differences` with the reason.
-        at_bounds: those of `names` that lie at a bound of the file: their intervals are not to be trusted.
-        simulated: of each run at the values found, output -> array over steps.
+        at_bounds: those of `names` that lie at a bound of the file. Where there are any, the linearisation does not
+            show how far the runs determine a parameter: intervals are infinite; `smpl.profiles.profile` finds them.
+        simulated: of each run at the values found, output -> array over `times`.
+        times: of each run: the ends of its steps, and the times of samples between them.
+        noise_known: whether all deviations are given or declared.
+        freedom: number of residuals less that of fitted numbers.
     """
 
     parameters: dict[str, float]
@@ -66,13 +71,16 @@ class Fit:
     derivatives: str
     at_bounds: tuple[str, ...]
     simulated: list[dict[str, FloatArray]]
-    _labels: tuple[float, dict[str, str], str] = field(repr=False)
+    times: list[FloatArray]
+    noise_known: bool
+    freedom: int
+    _labels: tuple[dict[str, str], str] = field(repr=False)
 
     def figure(self) -> Any:
         """Matplotlib figure of the runs with what was measured, and of the residuals (extra `report`)."""
         from smpl._fit_pictures import fit_figure
 
-        return fit_figure(self.simulated, self.residuals, self.noise, *self._labels)
+        return fit_figure(self.simulated, self.residuals, self.times, self.noise, *self._labels)
 
     def scenario(self) -> str:
         """Text of a scenario file with the values found."""
@@ -103,6 +111,7 @@ def fit(
     iterations: int = 50,
     derivatives: str = "auto",
     method: str | None = "auto",
+    resample: str = "hold",
 ) -> Fit:
     """Fit parameters to recorded runs.
 
@@ -126,6 +135,12 @@ def fit(
             no more than some eight states for each simulation that differences would take, and differences where a
             step cannot be differentiated; `Fit.derivatives` says which it was, and why.
         method: of integration, see `smpl.Model.rollout`; the model's own if none.
+        resample: course of actions and disturbances between the times of a table with a column `time`: `hold` or
+            `linear`. Steps take the mean over their interval.
+
+    A table with a column `time` and no column `step` has rows at any times. Its values of states and observations are
+    samples taken at their times, empty cells are skipped, and the simulation is read there, also within steps. Inputs
+    hold from their time on if the first row, at 0, has one; otherwise up to their time, as in written tables.
 
     Raises:
         ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
@@ -134,8 +149,10 @@ def fit(
     """
     if derivatives not in DERIVATIVES:
         raise ValueError(f"derivatives is {derivatives!r}, expected one of {', '.join(DERIVATIVES)}")
+    if resample not in ("hold", "linear"):
+        raise ValueError(f"resample is {resample!r}, expected 'hold' or 'linear'")
     names = (initial,) if isinstance(initial, str) else tuple(initial)
-    problem = _Problem(model, runs, parameters, outputs, noise, names, fixed, check_method(method))
+    problem = _Problem(model, runs, parameters, outputs, noise, names, fixed, check_method(method), resample)
     return problem.solve(as_count("iterations", iterations), derivatives)
 
 
@@ -150,6 +167,7 @@ class _Problem:
         initial: tuple[str, ...],
         fixed: Mapping[str, float] | None,
         method: str | None,
+        resample: str = "hold",
     ) -> None:
         self._method = method
         self.model, self.fixed = model, dict(as_mapping("fixed", fixed))
@@ -160,7 +178,9 @@ class _Problem:
         check_names("initial", initial, model.state_names)
         if not names and not initial:
             raise ValueError("parameters is empty, expected names of parameters to fit")
-        self.runs = read_runs(model, runs)
+        check_once("parameters", names)
+        check_once("initial", initial)
+        self.runs = read_runs(model, runs, resample)
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
@@ -224,6 +244,7 @@ class _Problem:
         chosen = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         known = (*self.model.observation_names, *self.model.state_names)
         check_names("outputs", chosen, known)
+        check_once("outputs", chosen)
         missing = [name for name in chosen if name not in recorded]
         if missing:
             raise ValueError(
@@ -246,7 +267,7 @@ class _Problem:
                 if not 0 < deviation < np.inf:
                     raise ValueError(f"noise[{name!r}] is {noise[name]!r}, expected a deviation above 0")
             known.append(deviation > 0)
-            spread = float(np.nanstd(np.concatenate([run.outputs[name] for run in self.runs])))
+            spread = float(np.nanstd(np.concatenate([run.values(name) for run in self.runs])))
             sizes.append(deviation if deviation > 0 else spread or 1.0)
         self.noise, self._known = np.array(sizes), np.array(known)
         # An exact fit would weigh without end: simulations are no closer to the truth than this.
@@ -254,22 +275,23 @@ class _Problem:
         self._recorded = Recorded(
             self.model, self.runs, self.outputs, self.parameters, self.initial, self.fixed, declared, self._method
         )
-        self._measured = [np.stack([run.outputs[name] for name in self.outputs], axis=-1) for run in self.runs]
+        self._measured = [np.stack([run.values(name) for name in self.outputs], axis=-1) for run in self.runs]
         self._masks = [self._mask(run, declared) for run in self.runs]
         for run, mask in zip(self.runs, self._masks, strict=True):
             if not mask.any():
                 raise ValueError(f"{run.name} has no value of {', '.join(self.outputs)}")
 
     def _mask(self, run: Run, declared: Any) -> Any:
-        """Samples (H + 1, outputs) that are read for the first time; a reading that is held counts once."""
+        """Samples (H + 1 + instants, outputs) that are read for the first time; a held reading counts once."""
         seen = self.model.observation_names
-        mask = np.stack([np.isfinite(run.outputs[name]) for name in self.outputs], axis=1)
+        mask = np.stack([np.isfinite(run.values(name)) for name in self.outputs], axis=1)
+        steps = len(run.actions) + 1
         for column, name in enumerate(self.outputs):
             if name not in seen:
                 continue
             sensor = seen.index(name)
-            fresh = np.array([any(sensor in on for on in declared.arriving(k).values()) for k in range(len(mask))])
-            mask[:, column] &= fresh
+            fresh = np.array([any(sensor in on for on in declared.arriving(k).values()) for k in range(steps)])
+            mask[:steps, column] &= fresh
         return mask
 
     # Simulation with derivatives.
@@ -400,6 +422,12 @@ class _Problem:
         parts = zip(self._simulated(z), self._measured, self._masks, strict=True)
         return [np.where(mask, measured - simulated, np.nan) for simulated, measured, mask in parts]
 
+    def _by_time(self, found: list[FloatArray]) -> list[dict[str, FloatArray]]:
+        """Values of each run by outputs, in the order of time."""
+        orders = [np.argsort(run.times(self.model.step), kind="stable") for run in self.runs]
+        pairs = zip(found, orders, strict=True)
+        return [dict(zip(self.outputs, one[order].T, strict=True)) for one, order in pairs]
+
     def _at_bounds(self, z: FloatArray) -> tuple[str, ...]:
         near = 1e-6 * self.scale
         at = (z * self.scale <= self.low + near) | (z * self.scale >= self.high - near)
@@ -423,6 +451,14 @@ class _Problem:
         values = z * self.scale
         half = _quantile(len(residual) - len(z), bool(self._known.all())) * np.sqrt(np.diag(covariance))
         count = len(self.parameters)
+        at_bounds = self._at_bounds(z)
+        if at_bounds:
+            half = np.full(len(half), np.inf)
+            text = (
+                f"the fit ends at a bound of {', '.join(at_bounds)}: intervals are infinite; widen the bound, or take "
+                "smpl.profiles.profile for intervals within it"
+            )
+            warnings.warn(text, stacklevel=4)
         inside = zip(self.parameters, values[:count], half[:count], strict=True)
         interval = {name: (float(value - width), float(value + width)) for name, value, width in inside}
         if indistinct:
@@ -440,10 +476,13 @@ class _Problem:
             initial=[dict(zip(self.initial, row.tolist(), strict=True)) for row in states],
             noise=dict(zip(self.outputs, self.noise.tolist(), strict=True)),
             indistinct=indistinct,
-            residuals=[dict(zip(self.outputs, one.T, strict=True)) for one in self._unweighted(z)],
-            simulated=[dict(zip(self.outputs, one.T, strict=True)) for one in self._simulated(z)],
-            at_bounds=self._at_bounds(z),
-            _labels=(self.model.step, self._units(), f"{self.model.native.time_name} [{self.model.native.time_unit}]"),
+            residuals=self._by_time(self._unweighted(z)),
+            simulated=self._by_time(self._simulated(z)),
+            times=[np.sort(run.times(self.model.step)) for run in self.runs],
+            at_bounds=at_bounds,
+            noise_known=bool(self._known.all()),
+            freedom=len(residual) - len(z),
+            _labels=(self._units(), f"{self.model.native.time_name} [{self.model.native.time_unit}]"),
             evaluations=self.evaluations,
             success=success,
             derivatives=self._said(),
@@ -494,8 +533,4 @@ def _quantile(freedom: int, known: bool) -> float:
 
 
 def _optimize() -> Any:
-    try:
-        import scipy.optimize
-    except ImportError as error:
-        raise ImportError("smpl.fit needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.optimize
+    return load("scipy.optimize", "smpl.fit")

@@ -29,6 +29,7 @@ from smpl._arguments import (
 )
 from smpl._files import is_shipped, model_path, models_directory
 from smpl._names import Named
+from smpl._optional import load
 from smpl._step import Step
 
 if TYPE_CHECKING:
@@ -203,10 +204,7 @@ class Model(Named):
             ValueError: as for `residual`.
             ImportError: SciPy is missing.
         """
-        try:
-            from scipy.sparse import csc_matrix
-        except ImportError as error:
-            raise ImportError("Model.jacobian returns a SciPy matrix: pip install 'smpl[scipy]'") from error
+        csc_matrix = load("scipy.sparse", "Model.jacobian").csc_matrix
         data, rows, columns = self.native.jacobian(
             as_finite_number("t", t),
             self._y(y),
@@ -267,9 +265,11 @@ class Model(Named):
         as for `residual`: `linearize_step` has the derivatives of a whole step, where they move.
 
         Raises:
-            ValueError: as for `residual`; also where `y` has an element that is not finite.
+            ValueError: as for `residual`; also where `y` has an element that is not finite, or a value of `p` lies
+                outside of its bounds.
         """
-        return self.native.linearize(as_finite("y", y, len(self.unknown_names)), self._u(u), self._given(p))
+        given = self._within(self._given(p))
+        return self.native.linearize(as_finite("y", y, len(self.unknown_names)), self._u(u), given)
 
     def rollout(
         self,
@@ -467,6 +467,15 @@ class Model(Named):
             (*self._replaceable[name], as_finite_number(f"p[{name!r}]", value))
             for name, value in (expanded | values).items()
         ]
+
+    def _within(self, given: list[tuple[str, int, float]]) -> list[tuple[str, int, float]]:
+        """Values of discrete variables and disturbances, refused outside of their bounds, as those of parameters."""
+        for role, index, value in given:
+            low, high = (float(bound[index]) for bound in self.native.bounds(role))
+            if role != "parameter" and not low <= value <= high:
+                name = self.native.names(role)[index]
+                raise ValueError(f"p[{name!r}] is {value:g}, which lies outside of its bounds {low:g}..{high:g}")
+        return given
 
 
 def compile(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl._arguments import COUNTS, FloatArray, as_count, as_numbers, check_names
-from smpl.envs import check_limit, check_method, check_seed, native_seed
+from smpl.envs import SEEDS, SeedError, check_limit, check_method, check_seed, native_seed
 from smpl.model import Model
 
 Named = list[tuple[str, FloatArray]]
@@ -36,8 +36,16 @@ class Rollout:
         steps: steps taken, the ending one included, (N,).
         terminated: ended by a failure or a success, (N,).
         truncated: ended by the time limit, (N,).
-        failure: N strings, empty where nothing failed.
+        failure: N messages, empty where nothing failed.
+        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"` (the integration failed
+            and the step was undone), `"events"` (events without end), `"event"` (a declared failure that an event
+            found within the step), `"not_finite"`, `"action_box"`, `"box"` and `"condition"` (declared, after
+            a whole step). If there are several, the first of this order.
+        failure_name: N names of the declared failures of the kinds `"event"`, `"box"`, `"condition"`; otherwise empty.
         constraint_names: names of the limits.
+        instant_states: states at the instants within steps that were asked for, (N, instants, states); NaN where a
+            trajectory does not get there.
+        measured: measurements there, (N, instants, observations), without noise, sampling, delay or clipping.
     """
 
     states: FloatArray
@@ -50,7 +58,11 @@ class Rollout:
     terminated: npt.NDArray[np.bool_]
     truncated: npt.NDArray[np.bool_]
     failure: list[str]
+    failure_kind: list[str]
+    failure_name: list[str]
     constraint_names: tuple[str, ...]
+    instant_states: FloatArray
+    measured: FloatArray
 
     def __len__(self) -> int:
         """Number of trajectories."""
@@ -76,8 +88,14 @@ def rollout(
     first_step: int = 0,
     outputs: bool = False,
     max_steps: int | None = None,
+    instants: Sequence[tuple[int, float]] = (),
 ) -> Rollout:
-    """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`."""
+    """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`.
+
+    `instants` are places within steps at which states and measurements are returned too: the step, from 0, and the
+    share of it, from 0 to 1.
+    """
+    given = _seed(seed)
     chosen = _rows("actions", actions, len(model.action_names), 2)
     count, horizon = len(chosen) if chosen.ndim == 3 else 1, chosen.shape[-2]
     origin: FloatArray | _native.Snapshot
@@ -86,6 +104,8 @@ def rollout(
     else:
         origin = _rows("states", start, len(model.state_names), 1)
         count = _common(count, len(origin) if origin.ndim == 2 else 1)
+    if seed is not None and count > 1 and int(seed) + count > SEEDS:
+        raise SeedError(f"seed is {seed}, expected at most 2**64 - {count} for {count} trajectories")
     result = model.native.rollout(
         origin,
         chosen,
@@ -93,10 +113,11 @@ def rollout(
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
-        (_seed(seed), check_first_step(first_step, horizon), bool(outputs)),
+        (given, check_first_step(first_step, horizon), bool(outputs), list(instants)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
-    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated, failure = result
+    reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated = result[:9]
+    failure, (kinds, names), (instant_states, measured) = result[9:]
     return Rollout(
         states=reached,
         observations=observed,
@@ -108,7 +129,11 @@ def rollout(
         terminated=terminated,
         truncated=truncated,
         failure=failure,
+        failure_kind=kinds,
+        failure_name=names,
         constraint_names=tuple(model.native.constraint_names),
+        instant_states=instant_states,
+        measured=measured,
     )
 
 

@@ -26,8 +26,8 @@ _NAMES = {
     "disturbance": "disturbance_names",
 }
 
-# How a rollout says that a step did not come to its end.
-_CUT = ("solver", "events", "start", "not_finite")
+# Kinds of failures, see `Rollout.failure_kind`, that keep a step from its end.
+_CUT = ("start", "solver", "events", "event", "not_finite")
 
 
 @dataclass(frozen=True)
@@ -158,10 +158,9 @@ def step(
         threads=threads,
         first_step=first_step,
     )
-    events = [name for name, event in model.native.failures if event]
-    for index, failure in enumerate(reached.failure):
-        if failure.startswith((*_CUT, *events)):
-            raise _native.SimulationError(f"point {index}: {failure}")
+    for index, kind in enumerate(reached.failure_kind):
+        if kind in _CUT:
+            raise _native.SimulationError(f"point {index}: {reached.failure[index]}")
     after: FloatArray = reached.states[:, 1]
     return after[0] if single else after
 

@@ -1,7 +1,5 @@
 //! Class `Batch`: environments of one model, stepped together.
 
-use std::sync::{Mutex, PoisonError};
-
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,6 +10,7 @@ use smpl_runtime::environment::ResetOptions;
 use crate::arrays::Fresh;
 use crate::environment::gather;
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
+use crate::exclusive::Exclusive;
 use crate::interrupt::released;
 use crate::model::{Model, policy_index};
 use crate::role::{Role, role_error};
@@ -39,13 +38,16 @@ type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
 type Step<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
 
 /// Environments of one model, stepped together by threads.
-#[pyclass(module = "smpl._native")]
+#[pyclass(frozen, module = "smpl._native")]
 pub struct Batch {
-    // Never locked while it is borrowed mutably: the mutex only makes the class shareable between threads.
-    batch: Mutex<batch::Batch>,
+    inner: Exclusive<Inner>,
     with_state: bool,
     constraints: Vec<String>,
     sizes: Sizes,
+}
+
+struct Inner {
+    batch: batch::Batch,
     /// Actions of a step: the caller's array may be written by other threads meanwhile.
     actions: Vec<f64>,
 }
@@ -97,7 +99,8 @@ impl Batch {
         };
         let constraints = first.constraint_names().map(str::to_owned).collect();
         let actions = vec![0.0; num_envs * sizes.actions];
-        Ok(Self { constraints, sizes, actions, with_state: info_state, batch: Mutex::new(batch) })
+        let inner = Exclusive::new("vector environment", Inner { batch, actions });
+        Ok(Self { constraints, sizes, with_state: info_state, inner })
     }
 
     #[getter]
@@ -107,13 +110,13 @@ impl Batch {
 
     /// Begins episodes where the mask says so: the first of a given seed, or the next one of the last seed.
     fn reset<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         mask: PyReadonlyArray1<'py, bool>,
         seeds: Option<Vec<Option<u64>>>,
         start: Option<&Start>,
     ) -> PyResult<(Observations<'py>, InfoArrays<'py>)> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let batch = &mut self.inner.enter()?.batch;
         let mask = mask.as_array().to_vec();
         let mut observations = Fresh::matrix(py, batch.len(), self.sizes.observations);
         let out = observations.elements();
@@ -127,15 +130,16 @@ impl Batch {
     }
 
     /// Takes a step in every environment.
-    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<Step<'py>> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn step<'py>(&self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<Step<'py>> {
+        let mut inner = self.inner.enter()?;
+        let Inner { batch, actions: own } = &mut *inner;
         let count = batch.len();
         let given = actions.as_slice()?;
-        if given.len() != self.actions.len() {
+        if given.len() != own.len() {
             return Err(PyValueError::new_err("actions has a wrong number of entries"));
         }
-        self.actions.copy_from_slice(given);
-        let actions = &self.actions;
+        own.copy_from_slice(given);
+        let actions = &*own;
         let mut observations = Fresh::matrix(py, count, self.sizes.observations);
         let mut rewards = Fresh::vector(py, count);
         let (mut terminated, mut truncated) = (Fresh::vector(py, count), Fresh::vector(py, count));
@@ -148,26 +152,26 @@ impl Batch {
         released(py, || batch.step(actions, arrays))?.map_err(|e| batch_error(&e))?;
         let constraints = self.constraints.len();
         let infos = info_arrays(py, batch, self.sizes, constraints, self.with_state, batch::Batch::info);
-        let last = self.last(py);
+        let last = self.last(py, batch);
         Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
     }
 
     /// What each environment would go on from, and whether its next step begins an episode.
-    fn snapshot(&mut self) -> Vec<(Snapshot, bool)> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
-        batch.snapshots().into_iter().map(|(snapshot, pending)| (Snapshot::from(snapshot), pending)).collect()
+    fn snapshot(&self) -> PyResult<Vec<(Snapshot, bool)>> {
+        let batch = &mut self.inner.enter()?.batch;
+        Ok(batch.snapshots().into_iter().map(|(snapshot, pending)| (Snapshot::from(snapshot), pending)).collect())
     }
 
     /// Goes back to a snapshot of as many environments of the same model.
-    fn restore(&mut self, snapshots: Vec<(PyRef<'_, Snapshot>, bool)>) -> PyResult<()> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn restore(&self, snapshots: Vec<(PyRef<'_, Snapshot>, bool)>) -> PyResult<()> {
+        let batch = &mut self.inner.enter()?.batch;
         let snapshots = snapshots.iter().map(|(snapshot, pending)| (snapshot.inner(), *pending));
         guarded(|| batch.restore(snapshots))?.map_err(|e| batch_error(&e))
     }
 
     /// Actions of the model's policy of that name for the coming step, physical units, a row an environment.
-    fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn policy<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let batch = &mut self.inner.enter()?.batch;
         let setup = batch.environment(0).map(|first| first.setup().clone());
         let index = setup.map_or(Ok(0), |setup| policy_index(setup.model().model(), name))?;
         let mut actions = Fresh::matrix(py, batch.len(), self.sizes.actions);
@@ -176,8 +180,8 @@ impl Batch {
     }
 
     /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
-    fn values<'py>(&mut self, py: Python<'py>, role: Role) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn values<'py>(&self, py: Python<'py>, role: Role) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let batch = &mut self.inner.enter()?.batch;
         let family = batch.environment(0).map(|first| role.family(first.catalogue()));
         let width = family.map_or(0, Family::len);
         let mut values = Fresh::matrix(py, batch.len(), width);
@@ -193,8 +197,7 @@ impl Batch {
 
 impl Batch {
     /// The ends of the episodes that ended in this step, with same-step autoreset.
-    fn last<'py>(&mut self, py: Python<'py>) -> Option<Final<'py>> {
-        let batch = self.batch.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn last<'py>(&self, py: Python<'py>, batch: &batch::Batch) -> Option<Final<'py>> {
         let count = batch.len();
         if !(0..count).any(|i| batch.final_info(i).is_some()) {
             return None;

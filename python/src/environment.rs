@@ -1,7 +1,5 @@
 //! Class `Env`: one environment.
 
-use std::sync::{Mutex, PoisonError};
-
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,6 +10,7 @@ use smpl_runtime::observe::denormalise;
 
 use crate::arrays::Fresh;
 use crate::errors::{SimulationError, guarded, reset_error, step_error};
+use crate::exclusive::Exclusive;
 use crate::info::Keys;
 use crate::interrupt::released;
 use crate::model::{Model, policy_index};
@@ -23,10 +22,13 @@ type Observation<'py> = Bound<'py, PyArray1<f32>>;
 type Step<'py> = (Observation<'py>, f64, bool, bool, Bound<'py, PyDict>);
 
 /// One environment.
-#[pyclass(module = "smpl._native")]
+#[pyclass(frozen, module = "smpl._native")]
 pub struct Env {
-    // Never locked while it is borrowed mutably: the mutex only makes the class shareable between threads.
-    environment: Mutex<Environment>,
+    inner: Exclusive<Inner>,
+}
+
+struct Inner {
+    environment: Environment,
     keys: Keys,
     normalise: bool,
     action: Vec<f64>,
@@ -46,61 +48,52 @@ impl Env {
     ) -> PyResult<Self> {
         let setup = model.setup(py, dense_reward, max_steps, method)?;
         let environment = guarded(|| Environment::new(setup))?.map_err(|e| crate::errors::setup_error(&e))?;
-        Ok(Self {
+        let inner = Inner {
             keys: Keys::new(py, &environment, info_state)?,
             action: vec![0.0; environment.catalogue().actions.len()],
             normalise: normalize,
-            environment: Mutex::new(environment),
-        })
+            environment,
+        };
+        Ok(Self { inner: Exclusive::new("environment", inner) })
     }
 
     /// Begins an episode: the first of a seed, or the next one of the last seed.
     #[pyo3(signature = (seed, start))]
-    fn reset<'py>(
-        &mut self,
-        py: Python<'py>,
-        seed: Option<u64>,
-        start: Option<&Start>,
-    ) -> PyResult<(Observation<'py>, Bound<'py, PyDict>)> {
+    fn reset<'py>(&self, py: Python<'py>, seed: Option<u64>, start: Option<&Start>) -> PyResult<(Observation<'py>, Bound<'py, PyDict>)> {
         let default = environment::ResetOptions::default();
         let options = start.map_or(&default, |start| &start.options);
-        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut inner = self.inner.enter()?;
+        let Inner { environment, keys, normalise, .. } = &mut *inner;
         released(py, || environment.reset(seed, options))?.map_err(|e| reset_error(&e))?;
-        Ok((observation(py, environment, self.normalise), self.keys.info(py, environment)?))
+        Ok((observation(py, environment, *normalise), keys.info(py, environment)?))
     }
 
     /// Takes a step; a `TypeError`, and nothing is stepped, if the action is no plain vector of doubles.
-    fn step<'py>(&mut self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
+    fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         let action = action.cast_exact::<PyArray1<f64>>()?;
-        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        if action.len() != self.action.len() {
-            let message = format!("action has shape ({},), expected ({},)", action.len(), self.action.len());
+        let mut inner = self.inner.enter()?;
+        let Inner { environment, keys, normalise, action: values } = &mut *inner;
+        if action.len() != values.len() {
+            let message = format!("action has shape ({},), expected ({},)", action.len(), values.len());
             return Err(PyValueError::new_err(message));
         }
         let actions = environment.catalogue().actions.elements();
-        for (i, (out, element)) in self.action.iter_mut().zip(actions).enumerate() {
-            *out = physical(action.get_owned(i).unwrap_or(f64::NAN), element, self.normalise);
+        for (i, (out, element)) in values.iter_mut().zip(actions).enumerate() {
+            *out = physical(action.get_owned(i).unwrap_or(f64::NAN), element, *normalise);
         }
-        let action = &self.action;
+        let action = &*values;
         let result = released(py, || environment.step(action))?.map_err(|e| step_error(&e))?;
-        Ok((
-            observation(py, environment, self.normalise),
-            result.reward,
-            result.terminated,
-            result.truncated,
-            self.keys.info(py, environment)?,
-        ))
+        Ok((observation(py, environment, *normalise), result.reward, result.terminated, result.truncated, keys.info(py, environment)?))
     }
 
     /// Values by role: `state`, `algebraic`, `discrete`, `disturbance`, `action`, `parameter`.
-    fn values<'py>(&mut self, py: Python<'py>, role: Role) -> Bound<'py, PyArray1<f64>> {
-        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
-        values(py, environment, role)
+    fn values<'py>(&self, py: Python<'py>, role: Role) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(values(py, &mut self.inner.enter()?.environment, role))
     }
 
     /// Actions of the model's policy of that name for the coming step, physical units.
-    fn policy<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn policy<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let environment = &mut self.inner.enter()?.environment;
         let setup = environment.setup().clone();
         let index = policy_index(setup.model().model(), name)?;
         Ok(Fresh::vector(py, setup.catalogue.actions.len()).filled(|out| environment.policy(index, out)))
@@ -108,22 +101,34 @@ impl Env {
 
     /// Seed of the episode, and its number since that seed was given.
     #[getter]
-    fn episode(&self) -> (u64, u64) {
+    fn episode(&self) -> PyResult<(u64, u64)> {
         self.with(|environment| (environment.key().seed, environment.key().episode))
     }
 
     #[getter]
-    fn time(&self) -> f64 {
+    fn time(&self) -> PyResult<f64> {
         self.with(Environment::time)
     }
 
     #[getter]
-    fn steps(&self) -> u32 {
+    fn steps(&self) -> PyResult<u32> {
         self.with(Environment::steps)
     }
 
+    /// Kind of the failure of the last step, see `Rollout.failure_kind`.
     #[getter]
-    fn max_steps(&self) -> u32 {
+    fn failure_kind(&self) -> PyResult<&'static str> {
+        self.with(|environment| environment.failure_cause().0.name())
+    }
+
+    /// Name of the declared failure of the last step; empty for other kinds.
+    #[getter]
+    fn failure_name(&self) -> PyResult<String> {
+        self.with(|environment| environment.failure_cause().1.to_owned())
+    }
+
+    #[getter]
+    fn max_steps(&self) -> PyResult<u32> {
         self.with(|environment| environment.setup().max_steps())
     }
 
@@ -135,7 +140,7 @@ impl Env {
             let states = &setup.catalogue.states;
             let steady = setup.model().interface().steady.is_some().then(|| environment.steady_state());
             Ok(steady.map(|steady| Fresh::vector(py, states.len()).filled(|out| gather(states, steady, out))))
-        })
+        })?
     }
 
     #[getter]
@@ -148,37 +153,40 @@ impl Env {
             let actions = &setup.catalogue.actions;
             let steady = setup.model().interface().steady.is_some().then(|| setup.steady_action());
             Ok(steady.map(|steady| Fresh::vector(py, actions.len()).filled(|out| gather(actions, steady, out))))
-        })
+        })?
     }
 
     #[getter]
-    fn constraint_names(&self) -> Vec<String> {
+    fn constraint_names(&self) -> PyResult<Vec<String>> {
         self.with(|environment| environment.constraint_names().map(str::to_owned).collect())
     }
 
     #[getter]
     fn solver_statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.with(|environment| crate::load::statistics(py, &environment.statistics()))
+        self.with(|environment| crate::load::statistics(py, &environment.statistics()))?
     }
 
-    fn snapshot(&self) -> Snapshot {
+    fn snapshot(&self) -> PyResult<Snapshot> {
         self.with(|environment| environment.snapshot().into())
     }
 
-    fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
-        let environment = self.environment.get_mut().unwrap_or_else(PoisonError::into_inner);
+    fn restore(&self, snapshot: &Snapshot) -> PyResult<()> {
+        let environment = &mut self.inner.enter()?.environment;
         guarded(|| environment.restore(snapshot.inner()))?.map_err(|e| PyValueError::new_err(e.to_string()))
     }
 }
 
 impl Env {
     /// Calls `work` with the environment.
-    pub fn with_mut<T>(&self, work: impl FnOnce(&mut Environment) -> T) -> T {
-        work(&mut self.environment.lock().unwrap_or_else(PoisonError::into_inner))
+    ///
+    /// # Errors
+    /// When another thread uses it.
+    pub fn with_mut<T>(&self, work: impl FnOnce(&mut Environment) -> T) -> PyResult<T> {
+        Ok(work(&mut self.inner.enter()?.environment))
     }
 
-    fn with<T>(&self, read: impl FnOnce(&Environment) -> T) -> T {
-        read(&self.environment.lock().unwrap_or_else(PoisonError::into_inner))
+    fn with<T>(&self, read: impl FnOnce(&Environment) -> T) -> PyResult<T> {
+        Ok(read(&self.inner.enter()?.environment))
     }
 }
 

@@ -163,7 +163,8 @@ impl Equations {
         for (role, region) in [(Role::Discrete, Region::Discrete), (Role::Disturbance, Region::Disturbance)] {
             held.extend(self.places(role, given)?.into_iter().map(|(at, value)| (region, at, value)));
         }
-        steady::solve_held(&mut self.work, &self.catalogue, u, &held_states, &held, &mut y).map_err(|e| steady_error(&e))?;
+        let found = steady::solve_held(&mut self.work, &self.catalogue, u, &held_states, &held, &mut y);
+        found.and_then(|report| report.refuse_moving(&self.catalogue)).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 

@@ -35,6 +35,35 @@ pub struct Diagnostic {
     pub message: String,
     /// What to do.
     pub help: Option<String>,
+    /// Further facts.
+    pub notes: Vec<String>,
+    /// Other places that belong to the finding.
+    pub related: Vec<RelatedPlace>,
+}
+
+/// Another place that belongs to a finding; positions are 1-based and count characters.
+#[pyclass(frozen, get_all, module = "smpl")]
+#[derive(Clone, Debug)]
+pub struct RelatedPlace {
+    /// What is there; may be empty.
+    pub message: String,
+    /// File of the place.
+    pub file: String,
+    /// First line and column, last line and the column after the last character.
+    pub line: usize,
+    /// See `line`.
+    pub column: usize,
+    /// See `line`.
+    pub end_line: usize,
+    /// See `line`.
+    pub end_column: usize,
+}
+
+#[pymethods]
+impl RelatedPlace {
+    fn __repr__(&self) -> String {
+        format!("<RelatedPlace {}:{}:{}: {}>", self.file, self.line, self.column, self.message)
+    }
 }
 
 impl Diagnostic {
@@ -50,6 +79,8 @@ impl Diagnostic {
             severity: "error".to_owned(),
             message: message.to_owned(),
             help: None,
+            notes: Vec::new(),
+            related: Vec::new(),
         }
     }
 }
@@ -67,7 +98,11 @@ impl Diagnostic {
 
 /// The exception of a model at fault.
 pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
-    let text: Vec<String> = diagnostics.iter().map(Diagnostic::__str__).collect();
+    let with_notes = |d: &Diagnostic| {
+        let notes = d.notes.iter().map(|note| format!("\n  note: {note}")).collect::<String>();
+        d.__str__() + &notes
+    };
+    let text: Vec<String> = diagnostics.iter().map(with_notes).collect();
     let error = CompileError::new_err(text.join("\n"));
     match error.value(py).setattr("diagnostics", diagnostics) {
         Ok(()) => error,

@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use pyo3::exceptions::{PyFileNotFoundError, PyIsADirectoryError, PyPermissionError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smpl_dsl::diagnostic::{self, JsonDiagnostic, SourceMap, codes};
+use smpl_dsl::diagnostic::{self, JsonDiagnostic, JsonPlace, SourceMap, codes};
 use smpl_runtime::load::{self, LoadError, LoadOptions};
 use smpl_runtime::scenario::{Value, Variant};
 use smpl_runtime::solver::Statistics;
 
 pub use smpl_runtime::load::Loaded;
 
-use crate::errors::{Diagnostic, ScenarioError, SimulationError, compile_error};
+use crate::errors::{Diagnostic, RelatedPlace, ScenarioError, SimulationError, compile_error};
 use crate::interrupt::aside;
 
 /// What Python asks for; one of `path` and `source` is given.
@@ -111,6 +111,19 @@ fn resolve(diagnostic: &diagnostic::Diagnostic, sources: &SourceMap) -> Diagnost
         severity: format!("{:?}", found.severity).to_lowercase(),
         message: found.message.to_owned(),
         help: found.help.map(str::to_owned),
+        notes: found.notes.to_vec(),
+        related: found.related.iter().map(related).collect(),
+    }
+}
+
+fn related(place: &JsonPlace<'_>) -> RelatedPlace {
+    RelatedPlace {
+        message: place.message.to_owned(),
+        file: place.file.to_owned(),
+        line: place.line,
+        column: place.column,
+        end_line: place.end_line,
+        end_column: place.end_column,
     }
 }
 

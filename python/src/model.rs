@@ -10,11 +10,12 @@ use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::PyBytes;
 use smpl_compiler::export::{ExportError, Target};
-use smpl_compiler::model::{Port, PortMember};
+use smpl_compiler::model::{Instant, Port, PortMember, Variate};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element};
 use smpl_runtime::export::{ExportFault, export, export_fmu};
 use smpl_runtime::rollout::Rollouts;
+use smpl_runtime::rules::Rules;
 use smpl_runtime::sensitivity::Sensitivities;
 use smpl_runtime::setup::{self, EnvironmentOptions, Setup};
 use smpl_runtime::solver::Method;
@@ -26,7 +27,7 @@ use crate::interrupt::released;
 use crate::load::{self, Loaded};
 use crate::role::Role;
 use crate::rollout::{Request, Results, Start, rollout_error};
-use crate::sensitivity;
+use crate::{rules, sensitivity};
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -54,6 +55,8 @@ pub struct Model {
     setups: Mutex<Setups>,
     /// Environments of rollouts, by number of threads, time limit and method.
     rollouts: Mutex<HashMap<Run, Rollouts>>,
+    /// Instance for the rules of disturbances, made when it is needed.
+    rules: Mutex<Option<Rules>>,
     /// What computed derivatives last.
     sensitivities: Mutex<Vec<(sensitivity::Key, Sensitivities)>>,
 }
@@ -86,6 +89,7 @@ impl Model {
             equations: Mutex::new(None),
             setups: Mutex::new(HashMap::new()),
             rollouts: Mutex::new(HashMap::new()),
+            rules: Mutex::new(None),
             sensitivities: Mutex::new(Vec::new()),
         })
     }
@@ -307,7 +311,7 @@ impl Model {
         Ok(PyArray1::from_vec(py, y))
     }
 
-    /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options` (seed, first step, with outputs), `run`
+    /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants), `run`
     /// (threads, time limit, method).
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
     fn rollout<'py>(
@@ -319,7 +323,7 @@ impl Model {
         discrete: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         size: (usize, usize),
-        options: (Option<u64>, u32, bool),
+        options: (Option<u64>, u32, bool, Vec<(usize, f64)>),
         run: Run,
     ) -> PyResult<Results<'py>> {
         let request = Request::new(&start, &actions, [&parameters, &discrete, &disturbances], size, options);
@@ -363,10 +367,30 @@ impl Model {
         request.run(py, &setup, &mut all[0].1)
     }
 
-    /// For each failure that the model declares, its name and whether an event finds it within a step.
-    #[getter]
-    fn failures(&self) -> Vec<(String, bool)> {
-        self.loaded.model.interface().finish.failures.iter().map(|failure| (failure.name.clone(), failure.event)).collect()
+    /// Values of the disturbances for the next step by their rules, and measurements, at points.
+    fn disturbed<'py>(
+        &self,
+        py: Python<'py>,
+        points: rules::Points<'py>,
+        parameters: rules::Named<'py>,
+        discrete: rules::Named<'py>,
+        first_step: u32,
+    ) -> PyResult<rules::Results<'py>> {
+        let setup = self.setup(py, true, None, None)?;
+        let mut kept = self.rules.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);
+        let made = match kept.take() {
+            Some(rules) => rules,
+            None => guarded(|| Rules::new(setup))?.map_err(|e| setup_error(&e))?,
+        };
+        rules::run(py, kept.insert(made), &points, [parameters, discrete], first_step)
+    }
+
+    /// The random numbers of the model: names, whether they are standard normal (the others are uniform from 0 to 1), and whether they are drawn at
+    /// every step (the others at a reset).
+    fn draws(&self, py: Python<'_>) -> PyResult<Vec<(String, bool, bool)>> {
+        let setup = self.setup(py, true, None, None)?;
+        let draws = Rules::draws(&setup).iter();
+        Ok(draws.map(|draw| (draw.stream.clone(), draw.kind == Variate::Normal, draw.instant == Instant::Step)).collect())
     }
 
     /// Names of all limits, in the order of violations.

@@ -99,7 +99,7 @@ pub struct Recording {
 impl Recording {
     /// Begins with the present point of an environment.
     #[new]
-    fn new(env: &Env) -> Self {
+    fn new(env: &Env) -> PyResult<Self> {
         env.with_mut(|environment| {
             let mut recorder = Recorder::new(environment);
             recorder.record(environment, None);
@@ -109,19 +109,19 @@ impl Recording {
     }
 
     /// Adds the present point of the environment, after a step.
-    fn add(&mut self, env: &Env) {
+    fn add(&mut self, env: &Env) -> PyResult<()> {
         env.with_mut(|environment| {
             let last = environment.last().copied();
             self.recorder.record(environment, last.as_ref());
-        });
+        })
     }
 
     /// Goes back to the point at which the environment is again; whether that is one of those recorded.
-    fn go_back(&mut self, env: &Env) -> bool {
-        let rows = env.with_mut(|environment| environment.steps() as usize + 1);
+    fn go_back(&mut self, env: &Env) -> PyResult<bool> {
+        let rows = env.with_mut(|environment| environment.steps() as usize + 1)?;
         let is_known = rows <= self.recorder.table().len();
         self.recorder.truncate(rows);
-        is_known
+        Ok(is_known)
     }
 
     fn __copy__(&self) -> Self {

@@ -12,7 +12,8 @@ use crate::snapshot::Snapshot;
 
 type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
-/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures.
+/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures, their kinds and names; states and
+/// measurements at the instants.
 pub type Results<'py> = (
     Cube<'py>,
     Cube<'py>,
@@ -24,6 +25,8 @@ pub type Results<'py> = (
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<bool>>,
     Vec<String>,
+    (Vec<&'static str>, Vec<String>),
+    (Cube<'py>, Cube<'py>),
 );
 
 /// Where trajectories begin, as Python gives it.
@@ -48,18 +51,19 @@ pub struct Request {
     seed: Option<u64>,
     first_step: u32,
     outputs: bool,
+    instants: Vec<(usize, f64)>,
 }
 
 type Named<'py> = Vec<(String, Numbers<'py>)>;
 
 impl Request {
-    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs).
+    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants as step and share of it).
     pub fn new(
         start: &Start<'_>,
         actions: &Numbers<'_>,
         given: [&Named<'_>; 3],
         size: (usize, usize),
-        options: (Option<u64>, u32, bool),
+        options: (Option<u64>, u32, bool, Vec<(usize, f64)>),
     ) -> Self {
         let values = |array: &Numbers<'_>| array.as_array().iter().copied().collect::<Vec<f64>>();
         let [parameters, discrete, disturbances] =
@@ -68,8 +72,9 @@ impl Request {
             Start::Snapshot(snapshot) => (Some(snapshot.inner().clone()), Vec::new()),
             Start::States(states) => (None, values(states)),
         };
-        let ((count, horizon), (seed, first_step, outputs)) = (size, options);
-        Self { snapshot, states, actions: values(actions), parameters, discrete, disturbances, count, horizon, seed, first_step, outputs }
+        let ((count, horizon), (seed, first_step, outputs, instants)) = (size, options);
+        let actions = values(actions);
+        Self { snapshot, states, actions, parameters, discrete, disturbances, count, horizon, seed, first_step, outputs, instants }
     }
 
     fn plan(&self) -> Plan<'_> {
@@ -83,6 +88,7 @@ impl Request {
             disturbances: named(&self.disturbances),
             seed: self.seed,
             first_step: self.first_step,
+            instants: &self.instants,
         }
     }
 
@@ -96,6 +102,8 @@ impl Request {
         let mut violations = Fresh::cube(py, [count, horizon, widths.violations]);
         let (mut rewards, mut cost) = (Fresh::matrix(py, count, horizon), Fresh::matrix(py, count, horizon));
         let (mut steps, mut terminated, mut truncated) = (Fresh::vector(py, count), Fresh::vector(py, count), Fresh::vector(py, count));
+        let mut instants = [widths.states, widths.observations].map(|width| Fresh::cube(py, [count, self.instants.len(), width]));
+        let [instant_states, measured] = &mut instants;
         let arrays = Arrays {
             states: states.elements(),
             observations: observations.elements(),
@@ -106,9 +114,13 @@ impl Request {
             steps: steps.elements(),
             terminated: terminated.elements(),
             truncated: truncated.elements(),
+            instant_states: instant_states.elements(),
+            measured: measured.elements(),
         };
         let plan = self.plan();
-        let failures = released(py, || rollouts.run(&plan, arrays))?.map_err(|e| rollout_error(&e))?;
+        let ends = released(py, || rollouts.run(&plan, arrays))?.map_err(|e| rollout_error(&e))?;
+        let kinds = ends.iter().map(|end| end.kind.name()).collect();
+        let (failures, names) = ends.into_iter().map(|end| (end.failure, end.name)).unzip();
         Ok((
             states.done(),
             observations.done(),
@@ -120,6 +132,8 @@ impl Request {
             terminated.done(),
             truncated.done(),
             failures,
+            (kinds, names),
+            instants.map(Fresh::done).into(),
         ))
     }
 }

@@ -18,7 +18,7 @@ use self::member::{Crew, Fault, Member};
 use self::pace::Pace;
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError};
 use crate::observe::Number;
-use crate::pool::Pool;
+use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 
 /// When an instance whose episode is over begins the next one.
@@ -134,7 +134,7 @@ impl Batch {
     /// # Errors
     /// When the solver refuses the system, or no threads can be made.
     pub fn new(setup: &Arc<Setup>, count: usize, options: BatchOptions) -> Result<Self, BatchError> {
-        let threads = options.threads.min(count).max(1);
+        let threads = pool::useful(options.threads, count);
         let stop = Arc::default();
         let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
         let size = if threads > 1 { count.div_ceil(CREWS * threads) } else { count.max(1) };

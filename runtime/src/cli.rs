@@ -7,6 +7,7 @@ mod check;
 mod compile;
 mod document;
 mod excerpt;
+mod excursion;
 mod export;
 mod fit;
 mod import;

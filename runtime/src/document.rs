@@ -61,7 +61,7 @@ pub(crate) struct Figure {
 #[must_use]
 pub(crate) fn markdown(model: &CompiledModel, source: Option<&Source>, figures: &[Figure]) -> String {
     let interface = model.interface();
-    let mut page = format!("# {}\n\n{}\n", interface.name, prose(&interface.text));
+    let mut page = format!("# {}\n\n{}\n", prose(&interface.name), prose(&interface.text));
     page.push_str(&facts(interface));
     for figure in figures {
         page.push_str(&format!("\n![{}]({})\n", prose(&figure.text), figure.path));

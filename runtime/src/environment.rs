@@ -7,6 +7,7 @@
 //! method, the step that fitted last: the integrator carries nothing else over from one step to the next.
 
 mod finish;
+mod glance;
 mod interval;
 mod invariants;
 mod progress;
@@ -119,6 +120,8 @@ pub struct Environment {
     keep_going: bool,
     /// Time at the start of the step.
     begin: f64,
+    /// Part of the step that is integrated, see `glance`.
+    share: f64,
     firings: Firings,
 }
 
@@ -163,6 +166,7 @@ impl Environment {
             trace: None,
             keep_going: false,
             begin: 0.0,
+            share: 1.0,
             firings: Firings { each: vec![Firing::default(); system.model().roots_info().len()], last: None },
             replay: Vec::new(),
             progress,

@@ -49,6 +49,48 @@ impl Failure {
     }
 }
 
+/// Kinds of failures, as data for callers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum FailureKind {
+    /// No failure.
+    #[default]
+    None,
+    /// No consistent start: the trajectory has no steps.
+    Start,
+    /// The integrator gave up: the step was undone.
+    Solver,
+    /// Events followed one another without end: the step was cut.
+    Events,
+    /// A declared failure found by an event: the step was cut.
+    Event,
+    /// A value is not finite.
+    NotFinite,
+    /// An action outside its box; the step was completed if the action is finite.
+    ActionBox,
+    /// A declared box, after a complete step.
+    Box,
+    /// Another declared condition, after a complete step.
+    Condition,
+}
+
+impl FailureKind {
+    /// Its identifier; empty without a failure.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "",
+            Self::Start => START,
+            Self::Solver => SOLVER,
+            Self::Events => EVENTS,
+            Self::Event => "event",
+            Self::NotFinite => NOT_FINITE,
+            Self::ActionBox => ACTION_BOX,
+            Self::Box => "box",
+            Self::Condition => "condition",
+        }
+    }
+}
+
 /// What made the integrator give up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SolverFailure {

@@ -10,9 +10,14 @@
 mod convert;
 mod document;
 mod events;
+mod first;
+mod initial;
+mod known;
 mod math;
 mod names;
+mod order;
 mod roles;
+mod staged;
 mod start;
 mod trigger;
 mod units;

@@ -27,6 +27,7 @@ pub mod picture;
 mod pool;
 pub mod random;
 pub mod rollout;
+pub mod rules;
 pub mod scenario;
 pub mod sensitivity;
 pub mod setup;

@@ -146,6 +146,39 @@ fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DM
     Err(LinearizeError::Singular { part: "a rate" })
 }
 
+/// Rates at states that need not rest, with the algebraic unknowns that belong to them: by Newton's method on all equations.
+///
+/// # Errors
+/// When the equations cannot be solved for them.
+pub(crate) fn rates_at(system: &mut CompiledSystem, y: &[f64]) -> Result<Vec<f64>, LinearizeError> {
+    let (n, nx) = (system.model().unknowns(), system.model().states());
+    let (mut y, mut yp, mut residual) = (y.to_vec(), vec![0.0; n], vec![0.0; n]);
+    if system.is_explicit() {
+        system.residual(0.0, &y, &yp, &mut residual);
+        residual[nx..].fill(0.0);
+        return Ok(residual);
+    }
+    for _ in 0..MOST_CORRECTIONS {
+        system.residual(0.0, &y, &yp, &mut residual);
+        let mut matrix = jacobian(system, 0.0, &y, &yp, 0.0);
+        let weights = mass(system, 0.0, &y, &yp);
+        matrix.columns_mut(0, nx).copy_from(&-weights);
+        let mut inverse = Inverse::new(&matrix).ok_or(LinearizeError::Singular { part: "a rate" })?;
+        let change = inverse.solve_all(-DMatrix::from_column_slice(n, 1, &residual));
+        let mut moved = 0.0_f64;
+        for (i, change) in change.iter().enumerate() {
+            let value = if i < nx { &mut yp[i] } else { &mut y[i] };
+            *value += change;
+            moved = moved.max(change.abs() / value.abs().max(f64::MIN_POSITIVE));
+        }
+        let rest = change.iter().all(|change| change.abs() <= f64::EPSILON);
+        if moved <= SETTLED || rest {
+            return Ok(yp);
+        }
+    }
+    Err(LinearizeError::Singular { part: "a rate" })
+}
+
 /// What solves for rates by their weights; nothing where these are the identity, as in an explicit model.
 fn weighing(mass: &DMatrix<f64>) -> Result<Option<Inverse>, LinearizeError> {
     if mass.is_identity(0.0) {

@@ -15,6 +15,19 @@ pub(crate) struct Pool {
     process: u32,
 }
 
+/// Most threads of a pool on a machine of few processors.
+const MOST: usize = 64;
+
+/// Number of processors that this process may use.
+pub(crate) fn processors() -> usize {
+    thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Number of threads for so many independent tasks: at most one each, and no more than four a processor or [`MOST`].
+pub(crate) fn useful(threads: usize, tasks: usize) -> usize {
+    threads.min(tasks).min(MOST.max(4 * processors())).max(1)
+}
+
 impl Pool {
     /// Threads that stop when the flag says so.
     pub(crate) fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
@@ -72,5 +85,18 @@ impl Drop for Wake<'_> {
     fn drop(&mut self) {
         self.done.store(true, Ordering::Release);
         self.caller.unpark();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_as_many_as_tasks_at_most_and_bounded() {
+        assert_eq!(useful(3000, 3), 3);
+        assert_eq!(useful(2, 100), 2);
+        assert_eq!(useful(0, 0), 1);
+        assert_eq!(useful(usize::MAX, usize::MAX), 64.max(4 * processors()));
     }
 }

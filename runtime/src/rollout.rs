@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
-use crate::failure::START;
-use crate::pool::Pool;
+use crate::failure::{FailureKind, START};
+use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 use crate::steady::SteadyError;
 
@@ -47,6 +47,8 @@ pub struct Plan<'a> {
     pub seed: Option<u64>,
     /// Steps that count as completed at the start.
     pub first_step: u32,
+    /// Instants within steps at which states and measurements are read too: the step, from 0, and the share of it, from 0 to 1.
+    pub instants: &'a [(usize, f64)],
 }
 
 /// Where results go: a row a trajectory and, but for those of the ends, a row a step within it. After its end a trajectory keeps its last states,
@@ -70,6 +72,21 @@ pub struct Arrays<'a> {
     pub terminated: &'a mut [bool],
     /// Ended by the time limit.
     pub truncated: &'a mut [bool],
+    /// States at the instants of the plan: count × instants × states; NaN where a trajectory does not get there.
+    pub instant_states: &'a mut [f64],
+    /// Measurements at these instants, without noise, sampling, delay or clipping: count × instants × observations.
+    pub measured: &'a mut [f64],
+}
+
+/// Failure of a trajectory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct End {
+    /// Message, empty without a failure.
+    pub failure: String,
+    /// Kind of the cause.
+    pub kind: FailureKind,
+    /// Name of a declared failure, otherwise empty.
+    pub name: String,
 }
 
 /// Why nothing can be simulated.
@@ -96,6 +113,9 @@ pub enum RolloutError {
         /// The limit.
         limit: u32,
     },
+    /// An instant is not within the trajectories.
+    #[error("an instant is not within the steps")]
+    Instant,
     /// A trajectory cannot begin.
     #[error("trajectory {index}: {error}")]
     Reset {
@@ -156,8 +176,9 @@ impl Rollouts {
     /// When the solver refuses the system, or no threads can be made.
     pub fn new(setup: &Arc<Setup>, threads: usize) -> Result<Self, RolloutError> {
         let stop = Arc::default();
+        let threads = pool::useful(threads, usize::MAX);
         let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
-        let environments: Result<Vec<_>, SetupError> = (0..threads.max(1)).map(|_| Environment::new(Arc::clone(setup))).collect();
+        let environments: Result<Vec<_>, SetupError> = (0..threads).map(|_| Environment::new(Arc::clone(setup))).collect();
         let environments = environments?;
         let widths = environments.first().map_or(Widths::NONE, Widths::of);
         Ok(Self { environments: environments.into_iter().map(Mutex::new).collect(), pool, stop, widths })
@@ -169,12 +190,12 @@ impl Rollouts {
         self.widths
     }
 
-    /// Simulates all trajectories; one message each, which is empty where nothing failed. A trajectory that has no consistent start has the failure `start`, NaN for
+    /// Simulates all trajectories and returns the failure of each. A trajectory that has no consistent start has the failure `start`, NaN for
     /// its states and no steps.
     ///
     /// # Errors
     /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are no numbers: nothing of the arrays counts then. An interruption.
-    pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<String>, RolloutError> {
+    pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<End>, RolloutError> {
         self.check(plan, &arrays)?;
         self.stop.store(false, Ordering::Relaxed);
         if let Some(pool) = self.pool.as_mut().filter(|pool| !pool.is_mine()) {
@@ -236,7 +257,12 @@ impl Rollouts {
         length("violations", arrays.violations, count * horizon * violations)?;
         length("steps", arrays.steps, count)?;
         length("terminated", arrays.terminated, count)?;
-        length("truncated", arrays.truncated, count)
+        length("truncated", arrays.truncated, count)?;
+        if plan.instants.iter().any(|&(step, share)| step >= horizon || !(0.0..=1.0).contains(&share)) {
+            return Err(RolloutError::Instant);
+        }
+        length("instant_states", arrays.instant_states, count * plan.instants.len() * states)?;
+        length("measured", arrays.measured, count * plan.instants.len() * observations)
     }
 }
 
@@ -292,7 +318,9 @@ struct Row<'a> {
     steps: &'a mut u32,
     terminated: &'a mut bool,
     truncated: &'a mut bool,
-    outcome: Result<String, RolloutError>,
+    instant_states: &'a mut [f64],
+    measured: &'a mut [f64],
+    outcome: Result<End, RolloutError>,
 }
 
 impl<'a> Arrays<'a> {
@@ -305,6 +333,8 @@ impl<'a> Arrays<'a> {
         let mut rewards = pieces(self.rewards, horizon);
         let mut cost = pieces(self.cost, horizon);
         let mut violations = pieces(self.violations, horizon * widths.violations);
+        let mut instant_states = pieces(self.instant_states, plan.instants.len() * widths.states);
+        let mut measured = pieces(self.measured, plan.instants.len() * widths.observations);
         let ends = self.steps.iter_mut().zip(self.terminated.iter_mut().zip(self.truncated.iter_mut()));
         ends.map(|(steps, (terminated, truncated))| Row {
             states: states(),
@@ -316,7 +346,9 @@ impl<'a> Arrays<'a> {
             steps,
             terminated,
             truncated,
-            outcome: Ok(String::new()),
+            instant_states: instant_states(),
+            measured: measured(),
+            outcome: Ok(End::default()),
         })
         .collect()
     }
@@ -339,25 +371,28 @@ fn simulate(
     index: usize,
     row: &mut Row<'_>,
     widths: Widths,
-) -> Result<String, RolloutError> {
+) -> Result<End, RolloutError> {
     match begin(environment, plan, options, index) {
         Err(RolloutError::Reset { error, .. }) if is_infeasible(&error) => {
-            for values in [&mut *row.states, row.observations, row.outputs] {
+            for values in [&mut *row.states, row.observations, row.outputs, &mut *row.instant_states, &mut *row.measured] {
                 values.fill(f64::NAN);
             }
             for values in [&mut *row.rewards, row.cost, row.violations] {
                 values.fill(0.0);
             }
             (*row.steps, *row.terminated, *row.truncated) = (0, true, false);
-            return Ok(format!("{START}: {error}"));
+            return Ok(End { failure: format!("{START}: {error}"), kind: FailureKind::Start, name: String::new() });
         }
         result => result?,
     }
     row.keep(environment, 0, widths);
     (*row.steps, *row.terminated, *row.truncated) = (0, false, false);
+    row.instant_states.fill(f64::NAN);
+    row.measured.fill(f64::NAN);
     let actions = pick(plan.actions, plan.horizon * widths.actions, index);
     for step in 0..plan.horizon {
         let action = &actions[step * widths.actions..(step + 1) * widths.actions];
+        row.glance(environment, plan, (index, step), action, widths)?;
         let result = environment.step(action).map_err(|error| RolloutError::Step { index, error })?;
         row.rewards[step] = result.reward;
         row.cost[step] = result.cost;
@@ -370,7 +405,9 @@ fn simulate(
             break;
         }
     }
-    Ok(environment.failure_message())
+    let (kind, name) = environment.failure_cause();
+    let name = name.to_owned();
+    Ok(End { failure: environment.failure_message(), kind, name })
 }
 
 /// Brings the environment to the start of a trajectory.
@@ -415,6 +452,23 @@ impl Row<'_> {
         if !self.outputs.is_empty() {
             environment.algebraics(&mut self.outputs[at * widths.outputs..(at + 1) * widths.outputs]);
         }
+    }
+
+    /// Writes what belongs to the instants within a step.
+    fn glance(
+        &mut self,
+        environment: &mut Environment,
+        plan: &Plan<'_>,
+        (index, step): (usize, usize),
+        action: &[f64],
+        Widths { states, observations, .. }: Widths,
+    ) -> Result<(), RolloutError> {
+        for (at, &(_, share)) in plan.instants.iter().enumerate().filter(|(_, instant)| instant.0 == step) {
+            let (reached, seen) = (&mut self.instant_states[at * states..], &mut self.measured[at * observations..]);
+            let found = environment.glance(action, share, &mut reached[..states], &mut seen[..observations]);
+            found.map_err(|error| RolloutError::Step { index, error })?;
+        }
+        Ok(())
     }
 
     /// Repeats what belongs to the last point; nothing is gained or lost any more.

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use crate::environment::{Direction, Environment, FollowError, Follower, ResetError, ResetOptions, Start, StateInput};
-use crate::pool::Pool;
+use crate::pool::{self, Pool};
 use crate::rollout::Given;
 use crate::setup::{Setup, SetupError};
 
@@ -124,6 +124,7 @@ impl Sensitivities {
     /// When the solver refuses the system, or no threads can be made.
     pub fn new(setup: &Arc<Setup>, directions: Vec<Direction>, threads: usize) -> Result<Self, SensitivityError> {
         let stop = Arc::default();
+        let threads = pool::useful(threads, usize::MAX);
         let pool = if threads > 1 { Some(Pool::new(threads, &stop)?) } else { None };
         let most = (AT_ONCE / setup.model().unknowns().max(1)).max(FEWEST);
         let groups = directions.len().div_ceil(most).max(1);
@@ -132,7 +133,7 @@ impl Sensitivities {
             let (quick, sure) = (Follower::quick(setup, width)?, Follower::new(setup, width)?);
             Ok(Mutex::new(Worker { environment: Environment::new(Arc::clone(setup))?, quick, sure }))
         };
-        let workers: Result<Vec<_>, SetupError> = (0..threads.max(1)).map(|_| worker()).collect();
+        let workers: Result<Vec<_>, SetupError> = (0..threads).map(|_| worker()).collect();
         Ok(Self { workers: workers?, pool, stop, directions, width })
     }
 

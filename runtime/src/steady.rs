@@ -23,6 +23,8 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::layout::{Part, Region};
 
 use crate::catalogue::{Catalogue, Element};
+use crate::linearize::rates_at;
+use crate::solver::System;
 use crate::system::CompiledSystem;
 pub use discretes::changed_by_a_step;
 pub use error::{AtBound, ConservedSum, Drift, Freedom, SteadyError};
@@ -44,18 +46,29 @@ const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturban
 pub struct SteadyReport {
     /// Euclidean norm of the rows that were solved: all but those of fixed states, in the model's units.
     pub residual_norm: f64,
-    /// Largest rate of a fixed state, or of one whose row a condition took, and its place in `y`: how far what is held is from rest. `None` where nothing is fixed.
+    /// Largest rate of a fixed state, or of one whose row a condition took, and its place in `y`: how far what is held is from rest. `None` where
+    /// nothing is fixed, or the equations do not determine the rates.
     pub held: Option<(usize, f64)>,
+    /// Largest rate, relative to its scale, of another state, and its place in `y`, if it moves: where rates are coupled, it moves with a held one.
+    pub moving: Option<(usize, f64)>,
     /// Newton iterations and pseudo-time steps.
     pub iterations: u32,
 }
 
 /// Other guesses from which [`others`] looks for steady states.
 const GUESSES: u64 = 24;
+/// Other guesses of the algebraic variables at given states, where their solution is outside of the bounds.
+const ALGEBRAIC_GUESSES: u64 = 8;
 /// Unknowns beyond which it does not.
 const MANY: usize = 100;
 /// Difference of two steady states, relative to sizes and scales, that counts as none.
 const SAME: f64 = 1e-6;
+
+/// Unknowns of implicit models beyond which the rates of held states are not computed.
+const MOST_RATES: usize = 3000;
+/// A free state moves if its rate, in scales, is more than this part of that of a held one, and than rounding leaves.
+const MOVING: f64 = 1e-6;
+const RESTING: f64 = 1e-9;
 
 /// What is held in a search.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -131,6 +144,17 @@ pub fn forget(system: &mut CompiledSystem) {
     }
 }
 
+impl SteadyReport {
+    /// Refuses a point where a state that is not held moves.
+    ///
+    /// # Errors
+    /// [`SteadyError::Moving`].
+    pub fn refuse_moving(&self, catalogue: &Catalogue) -> Result<(), SteadyError> {
+        let Some((at, rate)) = self.moving else { return Ok(()) };
+        Err(SteadyError::Moving { name: unknown_name(catalogue, at).unwrap_or_default(), rate })
+    }
+}
+
 /// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
 /// discrete variables are those of the steady state afterwards.
 ///
@@ -140,6 +164,7 @@ pub fn solve_declared(system: &mut CompiledSystem, catalogue: &Catalogue, guess:
     let mut y = guess.to_vec();
     let (actions, held) = declared(system, catalogue, &mut y);
     let report = solve_held(system, catalogue, &actions, &held, &[], &mut y)?;
+    report.refuse_moving(catalogue)?;
     system.keep(&y, Region::Steady);
     Ok(report)
 }
@@ -187,7 +212,7 @@ pub fn solve_held(
     let found = settle(system, catalogue, (&is_held, &held.conditions), given, y).map(|(iterations, replaced)| {
         replaced.into_iter().for_each(|row| is_held[row] = true);
         frames::rest_at(system, y);
-        report(system, &is_held, y, iterations)
+        report(system, catalogue, &is_held, y, iterations)
     });
     saved.restore(system);
     let report = found?;
@@ -239,9 +264,25 @@ fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut 
         return;
     }
     let is_state: Vec<bool> = (0..y.len()).map(|at| at < states).collect();
-    let mut trial = y.to_vec();
-    if Search::new(system, catalogue, &is_state, &[], y).is_ok_and(|mut search| search.run_once(system, &mut trial)) {
-        y.copy_from_slice(&trial);
+    let Ok(mut search) = Search::new(system, catalogue, &is_state, &[], y) else { return };
+    let (mut trial, mut first) = (y.to_vec(), None);
+    for number in 0..=ALGEBRAIC_GUESSES {
+        trial.copy_from_slice(y);
+        if number > 0 {
+            search.other_guess(number, &mut trial);
+        }
+        if search.run_once(system, &mut trial) {
+            if search.is_inside(&trial) {
+                first = Some(trial);
+                break;
+            }
+            first.get_or_insert_with(|| trial.clone());
+        } else if first.is_none() && number == 0 && !search.has_bounds() {
+            break;
+        }
+    }
+    if let Some(found) = first {
+        y.copy_from_slice(&found);
     }
 }
 
@@ -290,13 +331,28 @@ pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
     })
 }
 
-fn report(system: &mut CompiledSystem, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {
+fn report(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {
     let (zero, mut out) = (vec![0.0; y.len()], vec![0.0; y.len()]);
     let (model, memory) = system.parts();
     model.residual(memory, 0.0, y, &zero, &mut out);
     let residual_norm = out.iter().zip(fixed).filter(|(_, fixed)| !**fixed).fold(0.0, |sum, (r, _)| sum + r * r).sqrt();
-    let rates = out.iter().map(|r| r.abs()).enumerate().filter(|&(at, _)| fixed[at]);
-    SteadyReport { residual_norm, held: rates.max_by(|a, b| a.1.total_cmp(&b.1)), iterations }
+    let report = SteadyReport { residual_norm, held: None, moving: None, iterations };
+    if !fixed.contains(&true) || !system.is_explicit() && y.len() > MOST_RATES {
+        return report;
+    }
+    let Ok(rates) = rates_at(system, y) else { return report };
+    let mut scales = vec![1.0; y.len()];
+    for element in catalogue.states.elements().iter().filter(|e| e.scale.is_finite() && e.scale > 0.0) {
+        scales[element.at] = element.scale;
+    }
+    let size = |at: usize| (rates[at] / scales[at]).abs();
+    let of = |held: bool| (0..system.model().states()).filter(move |&at| fixed[at] == held);
+    let held = of(true).max_by(|&a, &b| rates[a].abs().total_cmp(&rates[b].abs()));
+    let moving = of(false).max_by(|&a, &b| size(a).total_cmp(&size(b)));
+    let largest = of(true).map(size).fold(0.0, f64::max);
+    // An explicit rate of a free state is a residual of the search.
+    let moves = |at: &usize| !system.is_explicit() && size(*at) > (MOVING * largest).max(RESTING);
+    SteadyReport { held: held.map(|at| (at, rates[at])), moving: moving.filter(moves).map(|at| (at, rates[at])), ..report }
 }
 
 /// Name of the unknown at a place in `y`.

@@ -8,7 +8,8 @@ use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
-use crate::solver::{Pattern, PatternError, RootKind, RootRole, System};
+use crate::catalogue::Catalogue;
+use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System};
 
 /// What the solver asks for again and again; shared by all instances of a model.
 #[derive(Debug)]
@@ -20,6 +21,8 @@ struct Shape {
     quadratures: usize,
     quadratures_use_derivatives: bool,
     reads_other_instants: bool,
+    /// Of algebraic unknowns.
+    bounds: Option<Bounds>,
 }
 
 /// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
@@ -47,6 +50,7 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
             quadratures_use_derivatives: model.quadratures_use_derivatives(),
             reads_other_instants: reads_other_instants(&model),
+            bounds: bounds(&model),
         };
         let memory = model.memory();
         Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new() })
@@ -125,6 +129,15 @@ impl CompiledSystem {
     }
 }
 
+/// The bounds of the algebraic unknowns, if there are any.
+fn bounds(model: &CompiledModel) -> Option<Bounds> {
+    if model.unknowns() == model.states() {
+        return None;
+    }
+    let bounds = Bounds::new(Catalogue::new(model).solved.elements().iter(), model.unknowns());
+    bounds.bind().then_some(bounds)
+}
+
 fn reads_other_instants(model: &CompiledModel) -> bool {
     let model = model.model();
     let mut todo: Vec<ExprId> = model.rows.iter().map(|row| row.residual).collect();
@@ -162,6 +175,10 @@ impl System for CompiledSystem {
 
     fn is_explicit(&self) -> bool {
         self.model.explicit()
+    }
+
+    fn bounds(&self) -> Option<&Bounds> {
+        self.shape.bounds.as_ref()
     }
 
     fn pattern(&self) -> &Pattern {

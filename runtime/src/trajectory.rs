@@ -4,11 +4,13 @@ mod format;
 mod parquet;
 mod read;
 mod record;
+mod resample;
 
 pub(crate) use format::seventeen_digits;
 pub(crate) use read::read_disturbances;
-pub use read::{Columns, DataError, Values, read_actions, read_columns, read_initial};
+pub use read::{Columns, DataError, Inputs, Values, read_actions, read_columns, read_initial};
 pub use record::Recorder;
+pub use resample::{Between, Clock, Holds, OnSteps, ResampleError, on_steps};
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -26,6 +28,8 @@ fn is_parquet(path: &Path) -> bool {
 pub enum Kind {
     /// Whole numbers.
     Integer,
+    /// Whole numbers up to 2^64 - 1.
+    Natural,
     /// Numbers.
     Number,
     /// `true` or `false`.
@@ -41,6 +45,8 @@ pub enum Cell {
     Empty,
     /// A whole number.
     Integer(i64),
+    /// A whole number that is not negative.
+    Natural(u64),
     /// A number.
     Number(f64),
     /// A flag.
@@ -127,6 +133,7 @@ impl Table {
         let number = |cell: &Cell| match cell {
             Cell::Empty | Cell::Text(_) => f64::NAN,
             Cell::Integer(i) => *i as f64,
+            Cell::Natural(n) => *n as f64,
             Cell::Number(x) => *x,
             Cell::Flag(b) => f64::from(u8::from(*b)),
         };

@@ -80,6 +80,27 @@ fn json_diagnostics_have_the_fields_of_the_contract() {
 }
 
 #[test]
+fn json_diagnostics_have_notes_and_related_places() {
+    let path = file(
+        "notes",
+        "ring.eq",
+        "model M\nstate x = 1\nstate y = 0\nvar lam\neq d/dt x = -lam*x / 1 [s]\neq d/dt y = -lam*y / 1 [s]\neq x^2 + y^2 = 1\n",
+    );
+    let output = smpl(&["check", "--format", "json", path.to_str().expect("utf-8")]);
+    let objects: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let [fault] = objects.as_array().expect("an array").as_slice() else { panic!("{objects}") };
+    let notes: Vec<&str> = fault["notes"].as_array().expect("notes").iter().filter_map(|n| n.as_str()).collect();
+    assert!(notes[0].starts_with("`lam` is left without an equation"), "{notes:?}");
+    assert_eq!(notes[1], "its time derivative is `eq 2*x*d/dt x + 2*y*d/dt y = 0`");
+    let path = file("related", "twice.eq", "model M\nstate x = 1\nstate x = 2\neq d/dt x = 0\n");
+    let output = smpl(&["check", "--format", "json", path.to_str().expect("utf-8")]);
+    let objects: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let related = &objects[0]["related"][0];
+    assert_eq!((related["line"].as_u64(), related["column"].as_u64()), (Some(2), Some(7)));
+    assert!(related["message"].as_str().is_some_and(|text| !text.is_empty()), "{related}");
+}
+
+#[test]
 fn of_many_faults_the_first_are_shown_and_the_rest_is_counted() {
     let model = (0..1234).map(|i| format!("let a{i} = nope{i}\n")).collect::<String>() + "state x = 1\neq d/dt x = 0\n";
     let path = file("many", "many.eq", model);

@@ -479,3 +479,46 @@ fn fitting_without_the_python_package_says_what_is_missing() {
         assert!(said.contains(python) && said.contains("pip install") && said.contains("SMPL_PYTHON"), "{said}");
     }
 }
+
+/// x' + y' = u - x and x' - y' = 3 at x = u: x' = 1.5, y' = -1.5.
+#[test]
+fn coupled_rates_of_held_states_are_solved_for() {
+    let coupled = "model M\ntime t : s\nstate x = 1 in -10..10\nstate y = 1 in -10..10\naction u = 1 in -5..5\n\
+                   eq d/dt x + d/dt y = (u - x)/1[s]\neq d/dt x - d/dt y = 3/1[s]\nobserve x\nreward r = x\nepisode { step = 1 [s], max_steps = 5 }\n";
+    let model = file("coupled", "m.eq", coupled);
+    let output = smpl(&["steady", model.to_str().expect("utf-8"), "--fix", "y=1"]);
+    let shown = text(&output.stdout);
+    assert!(shown.contains("d/dt y = -1.500e0") && shown.contains("d/dt x = 1.500e0"), "{shown}{}", text(&output.stderr));
+    assert!(shown.contains("not a steady state") && !shown.contains("stable"), "{shown}");
+}
+
+/// x = exp(t) reaches exp(20) = 4.85e8 after twenty hours.
+#[test]
+fn a_run_far_outside_of_the_bounds_of_a_state_is_reported() {
+    let grows = "model M\ntime t : h\nstate x = 1 in 0..10\neq d/dt x = x*1[1/h]\nobserve x\nreward r = x\nepisode { step = 1 [h], max_steps = 20 }\n";
+    let model = file("grows", "m.eq", grows);
+    let name = model.to_str().expect("utf-8");
+    let shown = text(&smpl(&["simulate", name]).stderr);
+    assert!(shown.contains("`x` leaves its declared bounds") && shown.contains("at t = 20 h is above 10"), "{shown}");
+    assert_eq!(shown.lines().count(), 1, "{shown}");
+    let many = text(&smpl(&["simulate", name, "--episodes", "3"]).stderr);
+    assert!(many.contains("in 3 runs") && many.contains("`x` leaves"), "{many}");
+    let short = smpl(&["simulate", name, "--steps", "2"]);
+    assert!(short.stderr.is_empty(), "{}", text(&short.stderr));
+}
+
+#[test]
+fn seeds_of_64_bits_are_written_as_they_are() {
+    let drawn = "model M\ntime t : h\nparam k : 1/h = 1 ~ uniform(0.5, 1.5)\nstate x = 1 in 0..10\neq d/dt x = -k*x\nobserve x\nreward r = x\n\
+                 episode { step = 1 [h], max_steps = 2 }\n";
+    let model = file("seeds", "m.eq", drawn);
+    let name = model.to_str().expect("utf-8");
+    let summary = beside(&model, "s.csv");
+    let written = summary.to_str().expect("utf-8");
+    let output = smpl(&["simulate", name, "--seed", "18446744073709551614", "--episodes", "2", "--summary", written]);
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
+    let table = std::fs::read_to_string(&summary).expect("written");
+    assert!(table.contains("18446744073709551614,") && table.contains("18446744073709551615,") && !table.contains(",-"), "{table}");
+    let refused = smpl(&["simulate", name, "--seed", "18446744073709551615", "--episodes", "2"]);
+    assert!(status(&refused) == 1 && text(&refused.stderr).contains("--seed"), "{}", text(&refused.stderr));
+}

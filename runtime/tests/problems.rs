@@ -145,6 +145,14 @@ fn transistor_amplifier() {
     check("transistor_amplifier", &TRANSISTOR, 1e-7);
 }
 
+/// The rates of neighbouring nodes occur as differences only, in two equations each.
+#[test]
+fn transistor_amplifier_with_a_singular_matrix_of_rates() {
+    for method in ["ida", "rosenbrock", "auto"] {
+        check_with("transistor_amplifier_as_published", &["--method", method], &TRANSISTOR, 1e-7);
+    }
+}
+
 #[test]
 fn a_tolerance_at_the_limit_of_rounding_is_met_by_algebraic_variables_too() {
     let scenario = std::env::temp_dir().join(format!("smpl-rounding-{}.yaml", std::process::id()));

@@ -6,8 +6,11 @@ use std::path::PathBuf;
 
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::setup::EnvironmentOptions;
-use smpl_runtime::trajectory::{Recorder, read_actions, read_columns, read_initial};
+use smpl_runtime::trajectory::{Between, Clock, Recorder, read_actions, read_columns, read_initial};
 use support::{beer, environment};
+
+/// Steps of the beer model, whose sampling interval is one hour.
+const CLOCK: Clock = Clock { step: 1.0, between: Between::Hold, most: 200 };
 
 fn folder(test: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("smpl-tables-{}-{test}", std::process::id()));
@@ -46,7 +49,7 @@ fn a_trajectory_has_the_columns_of_the_contract_and_can_be_replayed() {
     assert_eq!(lines.len(), 5);
     let cells: Vec<&str> = lines[1].split(',').collect();
     assert_eq!((cells[0], cells[12], cells[21], cells[23]), ("0", "", "", "false"), "row 0 has neither action nor reward");
-    assert_eq!(read_actions(&path, env.catalogue()).expect("reads"), vec![vec![13.5]; 3]);
+    assert_eq!(read_actions(&path, env.catalogue(), CLOCK).expect("reads").sequences, vec![vec![13.5; 3]]);
     let left: Vec<_> = std::fs::read_dir(path.parent().expect("a folder")).expect("lists").collect();
     assert_eq!(left.len(), 1, "no temporary file is left");
 }
@@ -72,7 +75,7 @@ fn a_table_is_the_same_in_parquet_and_in_csv_and_is_replayed_from_either() {
     assert_eq!((&first.names, &first.keys), (&second.names, &second.keys));
     let bits = |values: &[Vec<f64>]| values.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&first.values), bits(&second.values));
-    assert_eq!(read_actions(&parquet, env.catalogue()).expect("reads"), vec![vec![13.5]; 3]);
+    assert_eq!(read_actions(&parquet, env.catalogue(), CLOCK).expect("reads").sequences, vec![vec![13.5; 3]]);
 }
 
 #[test]
@@ -105,10 +108,10 @@ fn faults_of_data_files_are_named_with_their_lines() {
     for (i, (content, expected)) in cases.iter().enumerate() {
         let path = folder.join(format!("{i}.csv"));
         std::fs::write(&path, content).expect("writes");
-        let message = read_actions(&path, env.catalogue()).expect_err("a fault").to_string();
+        let message = read_actions(&path, env.catalogue(), CLOCK).expect_err("a fault").to_string();
         assert!(message.ends_with(expected), "{message}");
     }
-    assert!(read_actions(&folder.join("none.csv"), env.catalogue()).is_err());
+    assert!(read_actions(&folder.join("none.csv"), env.catalogue(), CLOCK).is_err());
 }
 
 #[test]

@@ -63,8 +63,8 @@ def test_isothermal_takes_its_temperature():
 
 
 def test_what_is_not_there_is_named():
-    assert baselines("reactor") == ("pid", "mpc", "oracle")
-    with pytest.raises(ValueError, match="baseline 'lqr' of reactor: there are pid, mpc, oracle"):
+    assert baselines("reactor") == ("pid", "mpc", "full_information")
+    with pytest.raises(ValueError, match="baseline 'lqr' of reactor: there are pid, mpc, full_information"):
         baseline("reactor", "lqr")
     with pytest.raises(ValueError, match="no environment 'reaktor'; did you mean 'reactor'"):
         baseline("reaktor", "pid")
@@ -81,25 +81,27 @@ def test_what_is_not_there_is_named():
         ("mab_plant", 1, {"samples": 4, "horizon": 1}),
     ],
 )
-def test_an_oracle_is_not_worse_than_the_nominal_policy(environment, steps, options):
+def test_full_information_is_not_worse_than_the_nominal_policy(environment, steps, options):
     if environment in ("reactor", "mab"):
         pytest.importorskip("casadi", reason="CasADi is not installed")
     env = smpl.Env(environment, normalize=False, max_steps=steps)
-    nominal, best = (run_episode(env, one, 1) for one in (Nominal(), baseline(environment, "oracle", **options)))
+    nominal, best = (
+        run_episode(env, one, 1) for one in (Nominal(), baseline(environment, "full_information", **options))
+    )
     assert not best.failure
     # A horizon of one step of the culture does not see what it costs later.
     slack = 0.1 * abs(nominal.rewards.sum()) if environment == "mab" else 1e-9
     assert best.rewards.sum() >= nominal.rewards.sum() - slack
 
 
-def test_the_oracle_of_the_antibody_plant_keeps_what_the_nominal_policy_breaks():
+def test_full_information_of_the_antibody_plant_keeps_what_the_nominal_policy_breaks():
     """A first batch: the nominal one starts the pool with what was in the pipes, below the least concentration.
 
     Keeping it above costs part of this batch; over an episode the plant recovers more (`smpl.examples.plant_mpc`).
     """
     env = smpl.Env("mab_plant", normalize=False, max_steps=25)
     nominal = run_episode(env, Nominal(), 1)
-    best = run_episode(env, baseline("mab_plant", "oracle", samples=4, iterations=1), 1)
+    best = run_episode(env, baseline("mab_plant", "full_information", samples=4, iterations=1), 1)
     assert nominal.costs.sum() > 0.5
     assert best.costs.sum() == 0.0 and not best.failure
     assert best.total > 0.7 * nominal.total > 7e5
@@ -115,30 +117,30 @@ def test_the_economic_controller_of_the_culture_does_not_ask_for_what_a_full_tan
     assert np.mean(episode.rewards) == pytest.approx(1350.0, rel=0.03)
 
 
-def test_the_command_of_the_oracles_goes_on_where_it_stopped(tmp_path, capsys, monkeypatch):
+def test_a_stopped_run_of_the_full_information_command_resumes(tmp_path, capsys, monkeypatch):
     pytest.importorskip("casadi")
-    from smpl.examples import oracles
+    from smpl.examples import full_information as command
 
     arguments = ["reactor", "beer", "--out", str(tmp_path), "--steps", "6"]
-    oracles.main([*arguments, "--seeds", "1"])
-    rows = oracles.read(tmp_path / "oracles.csv")
+    command.main([*arguments, "--seeds", "1"])
+    rows = command.read(tmp_path / "full_information.csv")
     assert [(row["environment"], row["controller"], row["seed"]) for row in rows] == [
-        (name, one, "2000") for name in ("reactor", "beer") for one in ("nominal", "oracle")
+        (name, one, "2000") for name in ("reactor", "beer") for one in ("nominal", "full_information")
     ]
     # A beer that is not ready costs 1 a step and 200 in the last one, whoever chooses the temperature.
     assert [float(row["return"]) for row in rows if row["environment"] == "beer"] == [-205.0, -205.0]
     assert "| beer | 1 | -205 | 0, 0 | -205 | 0, 0 | 0 of 1 |" in capsys.readouterr().out
     ran = []
-    monkeypatch.setattr(oracles, "played", lambda *given: ran.append(given) or rows[0])
-    oracles.main([*arguments, "--table"])
+    monkeypatch.setattr(command, "played", lambda *given: ran.append(given) or rows[0])
+    command.main([*arguments, "--table"])
     assert not ran
-    oracles.main([*arguments[1:], "--seeds", "2"])
-    assert ran == [("beer", "nominal", 2001, 6), ("beer", "oracle", 2001, 6)]
+    command.main([*arguments[1:], "--seeds", "2"])
+    assert ran == [("beer", "nominal", 2001, 6), ("beer", "full_information", 2001, 6)]
 
 
 def test_the_table_of_pensim_by_sampling_goes_on(tmp_path, capsys):
     from smpl.examples import pensim_mpc
-    from smpl.examples.oracles import read, write
+    from smpl.examples.full_information import read, write
 
     given = ["--out", str(tmp_path), "--seeds", "1", "--steps", "30"]
     pensim_mpc.main(given)

@@ -1,5 +1,7 @@
 """Bayesian optimisation against closed forms and functions whose optima are published."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,26 @@ def test_a_box_that_is_none_is_refused():
         _ = search.best
     with pytest.raises(ValueError, match=r"points has shape \(1, 2\), values \(1,\), expected \(n, 1\) and \(n,\)"):
         search.tell([[0.0, 1.0]], [1.0])
+
+
+def test_a_search_ends_at_its_time_limit_and_keeps_what_it_has():
+    search = BayesianOptimization(BOX, initial=3, seed=1, candidates=50)
+    begin = time.perf_counter()
+    search.run(lambda points: time.sleep(0.2) or branin(points), 10_000, seconds=1.0)
+    assert 3 <= len(search.values) < 30 and time.perf_counter() - begin < 5
+    assert search.best[1] == branin(search.points).max()
+    with pytest.raises(ValueError, match="seconds is 0, expected seconds above 0"):
+        search.run(branin, 100, seconds=0)
+
+
+def test_a_process_that_cannot_be_computed_is_a_counted_fallback(monkeypatch):
+    search = BayesianOptimization(BOX, initial=3, seed=1, candidates=50)
+    search.run(branin, 3)
+
+    def fails(self, *arguments):
+        raise np.linalg.LinAlgError("the kernel is not positive definite")
+
+    monkeypatch.setattr(BayesianOptimization, "_most_promising", fails)
+    point = search.ask(2)
+    assert point.shape == (2, 2) and (point >= search.low).all() and (point <= search.high).all()
+    assert search.fallbacks == 2 and search.last_status == "the kernel is not positive definite"

@@ -107,7 +107,7 @@ def test_regret_and_gain_are_leads_on_the_same_episodes():
         counts = {"failures": 0, "successes": 0, "seconds": 1.0}
         return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
 
-    returns = {"oracle": [5.0, 7.0], "profile": [2.0, 3.0, -100.0], "nominal": [1.0, 4.0, -10.0]}
+    returns = {"full_information": [5.0, 7.0], "profile": [2.0, 3.0, -100.0], "nominal": [1.0, 4.0, -10.0]}
     found = [result(*one) for one in returns.items()]
     every = [one.run for one in found]
     rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
@@ -115,9 +115,38 @@ def test_regret_and_gain_are_leads_on_the_same_episodes():
     assert [row["gain"] for row in rows] == [3.5, -30.0, 0.0]
     assert [row["better"] for row in rows] == [[2, 2], [1, 3], [0, 3]]
     assert rows[0]["gain_interval"] == [3.0, 4.0] and rows[2]["gain_interval"] == [0.0, 0.0]
-    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | -1.6667 | none above |  |  | +3.5 (+3 to +4) |"]
+    # The summary is over the two episodes that all three have run; 2.5 is the mean of 1 and 4.
+    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | 2 | 2.5 | none above |  |  | +3.5 (+3 to +4) |"]
     rows = table(every[:2], {one.run.name: one for one in found[:2]}, {}, {})["rows"]
     assert [(row["gain"], row["better"]) for row in rows] == [(None, None)] * 2
+
+
+def test_the_summary_compares_common_episodes_only():
+    """`profile` gains 0 on the episodes that all have run, and 14 with the others, which do not count."""
+
+    def result(suite, controller, number, returns):
+        run = Run(suite, "short", "Beer", controller, number, 0, len(returns), {})
+        counts = {"failures": 0, "successes": 0, "seconds": 1.0}
+        return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
+
+    found = [
+        result("control", "isothermal", 0, [2.0, 2.0]),
+        result("control", "isothermal", 1, [2.0]),
+        result("control", "profile", 0, [1.0, 1.0, 41.0]),
+        result("control", "profile", 1, [1.0, 31.0]),
+        result("control", "nominal", 0, [1.0, 1.0, 1.0]),
+        result("control", "nominal", 1, [1.0, 1.0]),
+        result("online", "PPO", 0, [100.0]),  # one seed of two: not in the summary
+    ]
+    every = [one.run for one in found]
+    rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
+    assert {row["controller"]: row["gain"] for row in rows} == {
+        "isothermal": 1.0,
+        "profile": 14.0,
+        "nominal": 0.0,
+        "PPO": 99.0,
+    }
+    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | 3 | 1 | isothermal +1 (+1 to +1) |  |  |  |"]
 
 
 def test_a_page_may_have_a_place_for_each_process(tmp_path):
@@ -127,7 +156,7 @@ def test_a_page_may_have_a_place_for_each_process(tmp_path):
     page.write_text("# A\n" + place("best", 1) + "# B\n" + place("Beer", 2) + "# C\n" + place("Reactor", 3))
     place_in(page, content)
     best, beer, reactor = page.read_text().split("# ")[1:]
-    assert best.startswith("A\n<!-- table: best -->\n\n| process | nominal |") and "\n| Beer | " in best
+    assert best.startswith("A\n<!-- table: best -->\n\n| process | episodes | nominal |") and "\n| Beer | " in best
     assert beer.startswith("B\n<!-- table: Beer -->\n\n| suite |") and beer.count("| control | profile |") == 1
     # What was not run stays.
     assert reactor == "C\n" + place("Reactor", 3)
@@ -233,7 +262,7 @@ def test_a_controller_whose_package_is_missing_is_skipped_by_name(tmp_path, monk
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     assert main(["--env", "smpl/Reactor-v0", "--out", str(tmp_path), "--quiet"]) == 0
     printed = capsys.readouterr().out
-    assert "mpc" in printed and "pip install 'smpl[mpc]'" in printed and "Reactor      control  pid" in printed
+    assert "mpc" in printed and "pip install casadi" in printed and "Reactor      control  pid" in printed
 
 
 def test_a_search_has_no_more_environments_than_episodes_that_count():
@@ -384,7 +413,10 @@ def test_several_environments_are_run_and_other_options_stand_once(tmp_path, cap
     [
         (["--env", "nowhere.eq"], "nowhere.eq: no such file"),
         (["--suite", "ofline"], "suite is 'ofline'; there are: control, offline, online, all"),
-        (["--algorithm", "pdi"], "algorithm is 'pdi'; there are: empc, isothermal, mpc, nominal, oracle, pid"),
+        (
+            ["--algorithm", "pdi"],
+            "algorithm is 'pdi'; there are: empc, full_information, isothermal, mpc, nominal, pid",
+        ),
         (["--budget", "huge"], "budget is 'huge'; there are: smoke, short, paper"),
         (["--env", "Rector"], "env is 'Rector'; there are: Reactor, Beer"),
         (["--seeds", "0"], "seeds is 0"),

@@ -34,8 +34,7 @@ def parameters(functions, model, points):
     for name, value in values.items():
         if name in names:
             p[names.index(name)] = value
-    # What an episode would have begun with, and its last instant, are zero where there is none.
-    p[[name.startswith(("initial(", "previous(")) for name in names]] = 0.0
+    points.set_instants(model, names, p)
     return p
 
 

@@ -586,6 +586,53 @@ def test_a_saved_state_is_gone_back_to(ball):
     instance.close()
 
 
+def marked(path):
+    """Names of variables with `reinit`, which fmpy reads for FMI 2 only."""
+    with zipfile.ZipFile(path) as archive:
+        description = archive.read("modelDescription.xml").decode()
+    return re.findall(r'<Float64 name="([^"]*)"[^>]* reinit="true"', description)
+
+
+def test_states_that_events_set_are_marked_and_the_others_can_be_set_in_event_mode(ball):
+    """FMI 3.0.2, event mode of model exchange: continuous states with `reinit = false` only; an event sets `v`."""
+    assert marked(ball[1]) == ["v"]
+    assert validate_fmu(str(ball[1])) == []
+    instance = Instance(ball[2], ball[3])
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    instance.fmu.updateDiscreteStates()
+    instance.set("h", [1.25])
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        instance.set("v", [1.0])
+    instance.fmu.updateDiscreteStates()
+    instance.fmu.enterContinuousTimeMode()
+    instance.set("v", [2.0])
+    assert (instance.get("h"), instance.get("v"), instance.get("der(h)")) == ([1.25], [2.0], [2.0])
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        instance.set("bounces", [1.0])
+    instance.close()
+    # In co-simulation events are inside of steps: states are set before the first one only.
+    instance = Instance(ball[2], ball[3], "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.fmu.exitInitializationMode()
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        instance.set("h", [1.25])
+    instance.close()
+
+
+@pytest.mark.parametrize("when", ["at start", "at end"])
+def test_a_state_that_a_sampling_instant_sets_is_marked(folder, when):
+    path = folder / f"refilled_{when.split()[1]}.eq"
+    change = "reset x[a] = 1 [m]" if when == "at start" else "clamp y at 0.5 [m] when y < 0.5 [m]"
+    path.write_text(
+        "model Refilled\ntime t : s\nset kinds = { a, b }\nstate x[kinds] : m = 1\nstate y : m = 1\n"
+        "eq d/dt x[k] = -x[k]/1 [s] for k in kinds\neq d/dt y = -y/1 [s]\n"
+        f"{when} {{ {change} }}\n"
+        "observe y in 0..2\nreward r = 0\nepisode { step = 1 [s], max_steps = 5 }\n"
+    )
+    assert marked(make(folder, path)[1]) == (["x"] if when == "at start" else ["y"])
+
+
 def test_what_shaped_the_model_cannot_be_set(folder):
     _, _, description, unpacked = make(folder, "atropine")
     instance = Instance(description, unpacked)

@@ -25,7 +25,7 @@ def parameters(functions, model, points):
     for name, value in (values | {"clock": points.t}).items():
         if name in names:
             p[names.index(name)] = value
-    p[[name.startswith(("initial(", "previous(")) for name in names]] = 0.0
+    points.set_instants(model, names, p)
     return p
 
 

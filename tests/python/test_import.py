@@ -186,8 +186,11 @@ def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
     [
         ("<sbml", "<sbml <", "this is no XML"),
         ('level="3"', 'level="1"', "SBML Level 1 is not read"),
-        ("</trigger>", "</trigger><delay>MATH<cn>2</cn></math></delay>", "line 34: the event `again` has a delay"),
-        ("</trigger>", "</trigger><priority>MATH<cn>2</cn></math></priority>", "the event `again` has a priority"),
+        (
+            "</trigger>",
+            "</trigger><delay>MATH<cn>2</cn></math></delay><delay>MATH<cn>3</cn></math></delay>",
+            "line 34: a second `delay` in `event`",
+        ),
         ("<lt/>", "<eq/>", "the trigger of the event `again` asks for equality"),
         ("<lt/>", "<foo/>", "the operator `foo` of MathML has no counterpart"),
         ('fast="false"', 'fast="true"', "the reaction `elimination` is fast"),
@@ -206,6 +209,19 @@ def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
             "package `comp` is required",
         ),
         ('variable="n"', 'variable="k"', "`k` is constant, and an event changes it"),
+        ("</kineticLaw>", "</kineticLaw><kineticLaw/>", "a second `kineticLaw` in the reaction `elimination`"),
+        (
+            'initialConcentration="10"',
+            'initialConcentration="10" initialAmount="50"',
+            "a species has an `initialAmount` or an `initialConcentration`, not both",
+        ),
+        ("<cn>", '<cn base="16">', "a number to the base 16 is not read"),
+        ('id="k" value="0.3"', 'id="k" valeu="0.3"', "line 16: the attribute `valeu` of `parameter` is not known"),
+        (
+            "<listOfEvents>",
+            '<comp:listOfSubmodels xmlns:comp="http://www.sbml.org/sbml/level3/version1/comp/version1"/><listOfEvents>',
+            "`listOfSubmodels` of the package `comp`, which is not declared",
+        ),
         ("<kineticLaw>", "<listOfModifiers/><other/><kineticLaw>", "`other` in `reaction` is not known"),
     ],
     ids=lambda value: value[:20],

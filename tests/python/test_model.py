@@ -279,3 +279,18 @@ def test_algebraic_equations_that_read_rates_are_linearised_with_them(u, z, gain
     part = gain / 2 / np.exp(z)
     np.testing.assert_allclose([a, b], [[[-gain]], [[gain]]], rtol=1e-12)
     np.testing.assert_allclose(np.hstack([c, d]), [[-part, part], [-gain, gain]], rtol=1e-12)
+
+
+def test_findings_have_notes_and_related_places():
+    text = (
+        "state x = 1\nstate y = 0\nvar lam\neq d/dt x = -lam*x / 1 [s]\neq d/dt y = -lam*y / 1 [s]\neq x^2 + y^2 = 1\n"
+    )
+    with pytest.raises(smpl.CompileError, match="`lam` is left without an equation") as caught:
+        smpl.compile(source=text)
+    (finding,) = caught.value.diagnostics
+    assert finding.notes[0].startswith("`lam` is left without an equation")
+    assert finding.related == []
+    with pytest.raises(smpl.CompileError) as caught:
+        smpl.compile(source="state x = 1\nstate x = 2\neq d/dt x = 0\n")
+    place = caught.value.diagnostics[0].related[0]
+    assert (place.line, place.column, place.end_column) == (1, 7, 8)

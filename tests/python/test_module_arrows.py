@@ -16,7 +16,7 @@ RECURSIVE = {
     # A unit may be one of an expression, and a number of an expression has a unit.
     "dsl": {frozenset({"parse::expression", "parse::unit"})},
     # An index may be computed from parameters, whose values stand in loops over ranges of such indices.
-    "compiler": {frozenset(f"elaborate::lower::{name}" for name in ("binders", "defaults", "indices", "nests"))},
+    "compiler": {frozenset(f"elaborate::lower::{name}" for name in ("binders", "defaults", "nests", "structural"))},
 }
 
 TOKEN = re.compile(

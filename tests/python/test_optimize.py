@@ -1,5 +1,7 @@
 """The best steady states and recipes, against optima that are known."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -298,3 +300,12 @@ def test_pictures_of_searches(series, tank, tmp_path):
     ):
         found.figure().savefig(tmp_path / f"{place}.png")
         assert (tmp_path / f"{place}.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize("method", ["cma", "differential_evolution", "bayes"])
+def test_a_search_ends_at_its_time_limit(method):
+    pytest.importorskip({"cma": "cma", "differential_evolution": "scipy", "bayes": "sklearn"}[method])
+    search, begin = Search([0, 0], [1, 1], method=method, seed=1), time.perf_counter()
+    search.run(lambda points: time.sleep(0.1) or -np.sum(points**2, axis=1), 10**6, seconds=0.5)
+    assert 2 <= len(search.values) < 10**4 and time.perf_counter() - begin < 20
+    assert search.best[1] == -np.sum(search.points**2, axis=1).min()

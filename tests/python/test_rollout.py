@@ -207,3 +207,43 @@ def test_what_does_not_fit_is_refused_by_name(arguments, message):
     given = {"states": [1.0], "actions": np.zeros((4, 1)), **arguments}
     with pytest.raises((ValueError, TypeError), match=message):
         model.rollout(**given)
+
+
+CAUSES = """model Causes
+time t : h
+action u = 0 in -1..1
+state x = 1 in -10..10
+eq d/dt x = (if u > 3 then sqrt(-1 - x*x) else u)*1[1/h]
+observe x
+reward r = x
+fail startup when x > 1.4
+fail low event x < 0.2
+episode { step = 1 [h], max_steps = 10 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("action", "kind", "name"),
+    [
+        (0.0, "", ""),
+        (0.5, "condition", "startup"),
+        (-0.9, "event", "low"),
+        (1.5, "action_box", ""),
+        (4.0, "solver", ""),  # also outside of the action's box: the step was undone
+    ],
+)
+def test_the_cause_of_a_failure_is_data(action, kind, name):
+    model = smpl.compile(source=CAUSES)
+    found = model.rollout([1.0], [[[action]]])
+    assert (found.failure_kind, found.failure_name) == ([kind], [name])
+    env = smpl.Env(model, normalize=False)
+    env.reset(options={"state": [1.0]})
+    env.step([action])
+    assert (env.unwrapped._native.failure_kind, env.unwrapped._native.failure_name) == (kind, name)
+
+
+def test_a_start_without_a_solution_is_a_kind_of_failure():
+    source = CAUSES.replace("action u = 0 in -1..1\n", "action u = 0 in -1..1\nvar z = 1 in 0..10\n")
+    source = source.replace("eq d/dt x", "eq z^2 = x\neq d/dt x")
+    found = smpl.compile(source=source).rollout([[1.0], [-1.0]], np.zeros((2, 1, 1)))
+    assert found.failure_kind == ["", "start"]

@@ -688,3 +688,56 @@ def test_rates_that_are_solved_for_together_are_linearised_where_nothing_rests(a
     np.testing.assert_allclose(np.hstack([a, b]), by, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(np.hstack([c, d])[:2], by, rtol=1e-7, atol=1e-8)
     np.testing.assert_array_equal(np.hstack([c, d])[2], [1.0, 0.0, 0.0])
+
+
+COLLISION = (PROBLEMS / "collisions.eq").read_text()
+
+
+def elastic(m: tuple[float, float], x: list[float], push: float, step: float) -> np.ndarray:
+    """Positions and velocities of two carts after a step with one collision, by the roots of their distance."""
+    (x_1, x_2, v_1, v_2), (m_1, m_2) = x, m
+    a, b, c = push / 2, v_1 - v_2, x_1 - x_2
+    t = -c / b if a == 0 else 2 * c / (-b - np.sqrt(b * b - 4 * a * c))
+    at, before = x_1 + v_1 * t + a * t * t, v_1 + push * t
+    after_1 = ((m_1 - m_2) * before + 2 * m_2 * v_2) / (m_1 + m_2)
+    after_2 = ((m_2 - m_1) * v_2 + 2 * m_1 * before) / (m_1 + m_2)
+    rest = step - t
+    return np.array([at + after_1 * rest + a * rest**2, at + after_2 * rest, after_1 + push * rest, after_2])
+
+
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit"])
+def test_an_elastic_collision_keeps_momentum_and_energy(method):
+    env = smpl.Env(smpl.compile(source=COLLISION), normalize=False, method=method)
+    env.reset(seed=0)
+    for _ in range(6):
+        env.step(np.array([0.0]))
+    state = dict(zip(env.state_names, env.state, strict=True))
+    # They meet after 1.1 s at 1.1 m; the laws of elastic collisions give v_1 = -2, v_2 = 0.
+    assert [state[n] for n in ("x_1", "x_2", "v_1", "v_2")] == pytest.approx([-2.7, 1.1, -2, 0], abs=1e-7)
+    assert state["v_1"] + 3 * state["v_2"] == pytest.approx(-2, abs=1e-9)
+    assert state["v_1"] ** 2 + 3 * state["v_2"] ** 2 == pytest.approx(4, abs=1e-9)
+    # The belt has moved by a cell a step and got the velocity at the start of each.
+    assert [state[f"belt[{i}]"] for i in range(1, 8)] == pytest.approx([-2, -2, -2, 1, 1, 1, 0], abs=1e-9)
+
+
+def test_derivatives_of_an_elastic_collision():
+    model = smpl.compile(
+        source=COLLISION.replace("step = 0.5", "step = 2") + "solver { rtol = 1e-11, atol_factor = 1e-4 }\n"
+    )
+    start = [0.0, 2.2, 1.0, -1.0]
+    x = np.zeros(len(model.state_names))
+    place = [model.state_names.index(name) for name in ("x_1", "x_2", "v_1", "v_2")]
+    x[place] = start
+    after, dx, du, dp = model.sensitivity(x, [0.2], parameters=("m_1", "m_2"))
+    assert after[place] == pytest.approx(elastic((1, 3), start, 0.2, 2), abs=1e-8)
+
+    def difference(change):
+        h = 1e-6
+        return (change(h) - change(-h)) / (2 * h)
+
+    for j in range(4):
+        moved = difference(lambda h: elastic((1, 3), [v + h * (i == j) for i, v in enumerate(start)], 0.2, 2))  # noqa: B023
+        assert dx[np.ix_(place, [place[j]])][:, 0] == pytest.approx(moved, abs=1e-6)
+    assert du[place, 0] == pytest.approx(difference(lambda h: elastic((1, 3), start, 0.2 + h, 2)), abs=1e-6)
+    assert dp[place, 0] == pytest.approx(difference(lambda h: elastic((1 + h, 3), start, 0.2, 2)), abs=1e-6)
+    assert dp[place, 1] == pytest.approx(difference(lambda h: elastic((1, 3 + h), start, 0.2, 2)), abs=1e-6)

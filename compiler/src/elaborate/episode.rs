@@ -22,6 +22,7 @@ mod positions;
 mod ranges;
 mod rewards;
 mod settings;
+mod together;
 mod unknown;
 
 pub(in crate::elaborate) use common::each;
@@ -50,7 +51,7 @@ pub(in crate::elaborate) struct Control {
 /// Elaborates the control problem, step by step.
 pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Control {
     let blocks = &l.instances.blocks;
-    let (episode, solver) = settings::settings(l, blocks);
+    let (mut episode, solver) = settings::settings(l, blocks);
     let parameters = parameters::parameter_program(l);
     let steady = initial::steady_program(l, blocks);
     let (initial_states, initial_discretes) = initial::initial_programs(l, blocks);
@@ -58,7 +59,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let mut instants = instants::instant_programs(l, blocks);
     phases::schedule_programs(l, &mut instants);
     let policies = policies::policies(l, blocks);
-    let ending = finish::ending(l, blocks, episode.end_is_success);
+    let ending = finish::ending(l, blocks, &mut episode);
     let (outputs, algebraics) = outputs::output_program(l);
     let (invariant_program, invariants) = policies::invariants(l, blocks);
 

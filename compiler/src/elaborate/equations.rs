@@ -186,22 +186,45 @@ fn connect(l: &mut Lowering<'_, '_>, place: &Place, chain: &[Expr], span: Span, 
         };
         let (sources, targets) = (members(l, from), members(l, to));
         if sources.keys().ne(targets.keys()) {
-            l.ledger.report(
-                Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span)
-                    .secondary(pair[0].span, "this one")
-                    .secondary(pair[1].span, "and this one"),
-            );
+            let fault = different_connectors(l, [from, to], span);
+            l.ledger.report(fault);
             continue;
         }
         for (name, source) in sources {
             if let Some(&target) = targets.get(&name) {
-                join(l, source, target, span, out);
+                join(l, [source, target], [from, to], span, out);
             }
         }
     }
 }
 
-fn join(l: &mut Lowering<'_, '_>, source: SymbolId, target: SymbolId, span: Span, out: &mut Vec<Equation>) {
+/// The fault of a connection of two ports that do not fit, with the connectors of both.
+fn different_connectors(l: &Lowering<'_, '_>, ports: [ScopeId; 2], span: Span) -> Diagnostic {
+    let known = ports.map(|scope| {
+        let path = l.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
+        let port = l.symbols.ports.iter().find(|port| port.path == path);
+        (path, port.map(|port| port.connector.as_str()))
+    });
+    let [(a, Some(first)), (b, Some(second))] = &known else {
+        return Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span);
+    };
+    let message = format!("ports of different connectors are connected: `{a}` is a `{first}`, `{b}` a `{second}`");
+    let mut fault = Diagnostic::error(codes::WRONG_SHAPE, message, span);
+    for connector in [first, second] {
+        if let Some(declared) = l.instances.connectors.get(connector) {
+            fault = fault.secondary(declared.span, format!("`{connector}`"));
+        }
+    }
+    fault.help("give both ports the same connector")
+}
+
+fn join(
+    l: &mut Lowering<'_, '_>,
+    [source, target]: [SymbolId; 2],
+    [from_port, to_port]: [ScopeId; 2],
+    span: Span,
+    out: &mut Vec<Equation>,
+) {
     let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
         (l.symbols[source].kind.clone(), l.symbols[target].kind.clone())
     else {
@@ -209,7 +232,10 @@ fn join(l: &mut Lowering<'_, '_>, source: SymbolId, target: SymbolId, span: Span
         return;
     };
     if l.symbols.vars[from].len != l.symbols.vars[to].len || source_axes.len() != axes.len() {
-        l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "two ports of different sizes are connected", span));
+        let fault = different_connectors(l, [from_port, to_port], span);
+        let (a, b) = (&l.symbols[source].path, &l.symbols[target].path);
+        let (m, n) = (l.symbols.vars[from].len, l.symbols.vars[to].len);
+        l.ledger.report(fault.note(format!("`{a}` and `{b}` have different sizes: {m} and {n}")));
         return;
     }
     let elsewhere = source_axes.iter().zip(axes.iter()).any(|pair| match pair {

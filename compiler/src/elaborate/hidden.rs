@@ -18,8 +18,19 @@ pub(in crate::elaborate) struct Hidden {
     pub draws: Draws,
     /// Integrals over the step.
     pub quadratures: Quadratures,
+    /// Old values of what the assignments of one block read and set.
+    pub held: Held,
     /// Something asks for the steady state.
     pub steady: bool,
+}
+
+/// Copies of values during an instant.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Held {
+    /// The array.
+    pub var: VarId,
+    /// Its elements.
+    pub len: u32,
 }
 
 /// Standard variates.
@@ -52,8 +63,9 @@ impl Hidden {
         let draws = Draws { var: hidden("draw", Role::Draw), list: Vec::new(), site: None };
         let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new(), units: Vec::new() };
         let param_given = hidden("given", Role::ParamGiven);
+        let held = Held { var: hidden("held", Role::Discrete), len: 0 };
         vars[builtins].len = BUILTIN_COUNT;
-        Hidden { builtins, param_given, draws, quadratures, steady: false }
+        Hidden { builtins, param_given, draws, quadratures, held, steady: false }
     }
 
     /// Elements of both arrays: what tells whether an attempt has added some.
@@ -72,6 +84,7 @@ impl Hidden {
     pub(in crate::elaborate) fn close(&self, vars: &mut PrimaryMap<VarId, Variable>) {
         vars[self.draws.var].len = self.draws.list.len() as u32;
         vars[self.quadratures.var].len = self.quadratures.list.len() as u32;
+        vars[self.held.var].len = self.held.len;
         vars[self.param_given].len = vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
     }
 }

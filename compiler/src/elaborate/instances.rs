@@ -34,6 +34,8 @@ pub(in crate::elaborate) struct Instances<'a> {
     pub used_at: FastMap<ScopeId, Span>,
     /// Arguments of instances.
     pub given: FastMap<(ScopeId, String), (&'a Expr, Place)>,
+    /// Instances with arguments that their component does not have.
+    pub misspelt: FastSet<ScopeId>,
     /// Components that stand for themselves.
     pub samples: Samples,
 }

@@ -22,6 +22,7 @@ pub(in crate::elaborate) mod place;
 pub(in crate::elaborate) mod random_and_tables;
 pub(in crate::elaborate) mod ranges;
 pub(in crate::elaborate) mod reductions;
+pub(in crate::elaborate) mod structural;
 pub(in crate::elaborate) mod units;
 pub(in crate::elaborate) mod value;
 pub(in crate::elaborate) mod values;

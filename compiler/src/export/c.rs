@@ -22,6 +22,9 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     let mut sheet = functions::sheet(model, nominal)?;
     let own = identifier(&sheet.model.interface.name);
     let stem = origin.stem.unwrap_or(&own);
+    if stem.contains(|c: char| c == '"' || c.is_control()) {
+        return Err(ExportError::Header { name: stem.to_owned() });
+    }
     let text = write(&mut sheet, origin, stem)?;
     Ok(vec![text.source, text.header])
 }

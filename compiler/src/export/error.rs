@@ -37,6 +37,12 @@ pub enum ExportError {
         /// The variable.
         name: String,
     },
+    /// The name of a header has characters that C does not read between quotation marks.
+    #[error("`{}.h` cannot be included by C: name the file without quotation marks and control characters", name.escape_debug())]
+    Header {
+        /// The name without its ending.
+        name: String,
+    },
     /// An FMU is no text.
     #[error("an FMU is an archive: `smpl export FILE --to fmu -o NAME.fmu` or `smpl.export.fmu(model, path)` writes it")]
     Archive,

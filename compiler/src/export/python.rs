@@ -372,7 +372,8 @@ fn unary(library: Library, f: UnaryFn, a: &str) -> String {
     };
     match f {
         UnaryFn::Neg => format!("-{a}"),
-        _ if name.starts_with('_') => format!("{name}({a})"),
+        // A function of the module's own text, or none.
+        _ if name.is_empty() || name.starts_with('_') => format!("{name}({a})"),
         _ => format!("{module}.{name}({a})"),
     }
 }

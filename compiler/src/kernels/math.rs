@@ -232,7 +232,7 @@ pub(super) fn pow(x: f64, y: f64) -> f64 {
             (true, false) => -pow_ordinary(-x, y),
         };
     }
-    x.powf(y)
+    libm::pow(x, y)
 }
 
 /// The nearest number of single precision.

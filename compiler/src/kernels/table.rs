@@ -147,7 +147,7 @@ macro_rules! kernels {
             }
 
             extern "C" fn atan2(y: f64, x: f64) -> f64 {
-                y.atan2(x)
+                libm::atan2(y, x)
             }
 
             unsafe extern "C" fn pow_array(x: *const f64, y: *const f64, to: *mut f64, n: usize) {
@@ -181,7 +181,7 @@ macro_rules! kernels {
             unsafe extern "C" fn atan2_array(y: *const f64, x: *const f64, to: *mut f64, n: usize) {
                 for i in 0..n {
                     // SAFETY: valid for n numbers, by the contract.
-                    unsafe { *to.add(i) = (*y.add(i)).atan2(*x.add(i)) };
+                    unsafe { *to.add(i) = libm::atan2(*y.add(i), *x.add(i)) };
                 }
             }
 
@@ -223,14 +223,14 @@ tables! {
     Ln: ln ln_array = math::ln;
     Log10: log10 log10_array = math::log10;
     Tanh: tanh tanh_array = math::tanh;
-    Sin: sin sin_array = f64::sin;
-    Cos: cos cos_array = f64::cos;
-    Tan: tan tan_array = f64::tan;
-    Asin: asin asin_array = f64::asin;
-    Acos: acos acos_array = f64::acos;
-    Atan: atan atan_array = f64::atan;
-    Sinh: sinh sinh_array = f64::sinh;
-    Cosh: cosh cosh_array = f64::cosh;
+    Sin: sin sin_array = libm::sin;
+    Cos: cos cos_array = libm::cos;
+    Tan: tan tan_array = libm::tan;
+    Asin: asin asin_array = libm::asin;
+    Acos: acos acos_array = libm::acos;
+    Atan: atan atan_array = libm::atan;
+    Sinh: sinh sinh_array = libm::sinh;
+    Cosh: cosh cosh_array = libm::cosh;
     Floor: floor floor_array = f64::floor;
     Ceil: ceil ceil_array = f64::ceil;
     /// To the nearest integer, ties to even.

@@ -7,20 +7,30 @@ use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
 
 use super::algebraic::{Element, Plan};
-use super::common::{element_name, passes, replace_everywhere};
+use super::common::{passes, replace_everywhere};
+use super::faults::{self, Findings, LeftOver};
 use super::rates::Rates;
 use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, Rewritten, Role, VarId};
 use crate::model::{AlgebraicCounts, Model, Quantity, Row, Variable};
 
+/// Most unknowns without an equation for which others that may lack it instead are looked for.
+const MOST_SOUGHT: usize = 20;
+
 /// Largest number of iterations of an implicit equation that is unrolled for matching.
 const WRITTEN_OUT: i64 = 20_000;
 
-/// Rows for all unknowns; solved algebraic variables are appended to the unknowns.
+/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are the equations before substitutions, for messages.
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
-pub(crate) fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Faults> {
+pub(crate) fn rows(
+    model: &mut Model,
+    equations: Vec<Equation>,
+    written: &[Equation],
+    plan: &Plan,
+    rates: &Rates,
+) -> Result<Vec<Row>, Faults> {
     let mut rows = Vec::new();
     let mut definitions = Vec::new();
     let mut implicit = Vec::new();
@@ -63,7 +73,7 @@ pub(crate) fn rows(model: &mut Model, equations: Vec<Equation>, plan: &Plan, rat
             implicit.push((row.extents, row.residual, row.span, Some(own)));
         }
     }
-    let mut problem = Matching { determined, ..Matching::default() };
+    let mut problem = Matching { equations: written, determined, ..Matching::default() };
     for (extents, residual, span, own) in implicit {
         problem.equation(model, extents, residual, span, own);
     }
@@ -92,7 +102,9 @@ fn unknown_elements(model: &Model, plan: &Plan, rates: &Rates) -> BTreeSet<Eleme
 
 /// Bipartite matching of implicit equations, unrolled, to unknowns.
 #[derive(Default)]
-struct Matching {
+struct Matching<'m> {
+    /// The equations of the text.
+    equations: &'m [Equation],
     residuals: Vec<ExprId>,
     spans: Vec<Span>,
     /// What an equation `v = ...` is written for, where another one determines `v`.
@@ -103,7 +115,7 @@ struct Matching {
     too_large: Vec<Span>,
 }
 
-impl Matching {
+impl Matching<'_> {
     fn equation(&mut self, model: &mut Model, extents: Vec<u32>, residual: ExprId, span: Span, own: Option<Element>) {
         if passes(&extents) > WRITTEN_OUT {
             self.too_large.push(span);
@@ -140,27 +152,16 @@ impl Matching {
         let unmatched: Vec<_> = (0..self.residuals.len()).filter_map(|e| Some((e, self.augment(e, unknown, &mut pairs)?))).collect();
         let owner = pairs.owner;
         let missing: Vec<Element> = unknown.iter().filter(|e| !owner.contains_key(*e)).copied().collect();
-        let mut faults = Faults::default();
+        let mut refused = Faults::default();
         for &span in &self.too_large {
             let fault = Diagnostic::error(codes::TOO_LARGE, "an implicit equation over very many cells", span);
-            faults.push(fault.help("give each variable an equation of its own: `eq v[z] = ...`"));
+            refused.push(fault.help("give each variable an equation of its own: `eq v[z] = ...`"));
         }
-        for (equation, reach) in &unmatched {
-            faults.push_with(|| self.left_over(model, *equation, reach));
+        if !(unmatched.is_empty() && missing.is_empty()) {
+            refused.append(faults::faults(model, &self.findings(unmatched, missing, unknown, &owner)));
         }
-        let high_index = faults.iter().filter(|d| d.code == codes::HIGH_INDEX).count();
-        let without = undetermined(model, &missing);
-        if high_index > 0 && without.len() <= high_index {
-            // One cause: the constraint that should determine them does not contain them.
-            let note = format!("{} {} left without an equation", listed(model, &missing), if missing.len() == 1 { "is" } else { "are" });
-            if let Some(fault) = faults.find_mut(|d| d.code == codes::HIGH_INDEX) {
-                fault.notes.extend((!missing.is_empty()).then_some(note));
-            }
-        } else {
-            faults.append(without);
-        }
-        if !faults.is_empty() {
-            return Err(faults);
+        if !refused.is_empty() {
+            return Err(refused);
         }
         for (element, equation) in owner {
             out.push(Row {
@@ -172,6 +173,54 @@ impl Matching {
             });
         }
         Ok(())
+    }
+
+    /// What is left over on both sides.
+    fn findings(
+        &self,
+        unmatched: Vec<(usize, Rc<[Element]>)>,
+        missing: Vec<Element>,
+        unknown: &BTreeSet<Element>,
+        owner: &FastMap<Element, usize>,
+    ) -> Findings<'_> {
+        let left = unmatched.into_iter().map(|(at, reach)| LeftOver {
+            span: self.spans[at],
+            residual: self.residuals[at],
+            written_for: self.written_for[at].and_then(|own| Some((own, *self.determined.get(&own)?))),
+            reach,
+        });
+        let left = left.collect();
+        let owners = owner.iter().map(|(&element, &equation)| (element, self.spans[equation])).collect();
+        let instead = if missing.len() <= MOST_SOUGHT { self.alternatives(&missing, unknown, owner) } else { FastMap::default() };
+        Findings { equations: self.equations, left, missing, instead, owners }
+    }
+
+    /// For each unknown without an equation the ones that could be without it instead: those on alternating paths from it.
+    fn alternatives(
+        &self,
+        missing: &[Element],
+        unknown: &BTreeSet<Element>,
+        owner: &FastMap<Element, usize>,
+    ) -> FastMap<Element, Vec<Element>> {
+        let mut own: Vec<Option<Element>> = vec![None; self.residuals.len()];
+        owner.iter().for_each(|(&element, &equation)| own[equation] = Some(element));
+        let mut containing: FastMap<Element, Vec<usize>> = FastMap::default();
+        for (at, list) in self.candidates.iter().enumerate() {
+            list.iter().filter(|e| unknown.contains(*e)).for_each(|e| containing.entry(*e).or_default().push(at));
+        }
+        let mut out = FastMap::default();
+        for &start in missing {
+            let mut seen = BTreeSet::from([start]);
+            let mut stack = vec![start];
+            while let Some(element) = stack.pop() {
+                for &equation in containing.get(&element).into_iter().flatten() {
+                    stack.extend(own[equation].filter(|&next| seen.insert(next)));
+                }
+            }
+            seen.remove(&start);
+            out.insert(start, seen.into_iter().collect());
+        }
+        out
     }
 
     /// An augmenting path from an equation; the unknowns that it can reach where there is none. Iterative, since paths may be long.
@@ -207,45 +256,6 @@ impl Matching {
         pairs.closed.extend(from.into_keys().map(|element| (element, Rc::clone(&all))));
         Some(all)
     }
-
-    fn left_over(&self, model: &Model, equation: usize, reach: &[Element]) -> Diagnostic {
-        let span = self.spans[equation];
-        if let Some(own) = self.written_for[equation]
-            && let Some(&first) = self.determined.get(&own)
-        {
-            let name = element_name(model, own.0, own.1.max(0));
-            return Diagnostic::error(codes::OVERDETERMINED, format!("two equations determine `{name}`"), span)
-                .label("the second one")
-                .secondary(first, "the first one")
-                .help("remove one of them, or declare what the second should determine as a `var`");
-        }
-        if reach.is_empty() {
-            if let Some(d) = given(model, self.residuals[equation], span) {
-                return d;
-            }
-            let states: Vec<Element> = model
-                .exprs
-                .loads(self.residuals[equation], |v, f| f == Flavour::Value && model.vars[v].role == Role::State)
-                .into_iter()
-                .map(|(v, _, at)| (v, at.offset))
-                .collect();
-            if states.is_empty() {
-                return Diagnostic::error(codes::OVERDETERMINED, "this equation has no unknown that is not determined already", span)
-                    .help("remove it, or declare what it should determine as a `var` without another equation");
-            }
-            return Diagnostic::error(
-                codes::HIGH_INDEX,
-                format!("this equation binds states only ({}): the system has an index above 1", listed(model, &states)),
-                span,
-            )
-            .label("constrains states, determines nothing")
-            .help("differentiate the constraint by hand, or make one of the states a `var`");
-        }
-        let message = format!("more equations than unknowns: {} has too many", listed(model, reach));
-        Diagnostic::error(codes::OVERDETERMINED, message, span)
-            .label("one equation too many")
-            .help("remove one of the equations, or declare another unknown as a `var`")
-    }
 }
 
 /// Unknowns and equations that belong together so far.
@@ -273,24 +283,6 @@ impl Pairs {
     }
 }
 
-/// `q = ...` for something that is given from outside.
-fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
-    let Expr::Binary(crate::ir::BinaryFn::Sub, own, _) = model.exprs.node(residual) else { return None };
-    let Expr::Load { var, .. } = model.exprs.node(own) else { return None };
-    let v = &model.vars[var];
-    let (what, help) = match v.role {
-        Role::Action => ("an action: it is set from outside", "make it a `var`"),
-        Role::Param => ("a parameter: its value stands in its declaration", "write the value there, or make it a `let`"),
-        Role::Discrete => {
-            ("a discrete variable: it changes at sampling instants", "write `next` in `at start` or `at end`, or make it a `var`")
-        }
-        Role::Disturbance => ("a disturbance: its rule stands in its declaration", "write `~ rule` there, or make it a `var`"),
-        _ => return None,
-    };
-    let d = Diagnostic::error(codes::OVERDETERMINED, format!("no equation can determine `{}`, {what}", v.name), span);
-    Some(d.secondary(v.span, "declared here").help(help))
-}
-
 /// Unknowns that an equation could determine: algebraic values and derivatives.
 fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
     model
@@ -304,47 +296,6 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
         .filter(|l| l.2.is_constant())
         .map(|(v, _, at)| (v, at.offset))
         .collect()
-}
-
-/// One report for each variable, however many of its elements are undetermined.
-fn undetermined(model: &Model, missing: &[Element]) -> Faults {
-    let mut out = Faults::default();
-    // The elements stand in the order of their variables.
-    for elements in missing.chunk_by(|a, b| a.0 == b.0) {
-        out.push_with(|| without_equation(model, elements[0], elements.len()));
-    }
-    out
-}
-
-fn without_equation(model: &Model, (var, i): Element, count: usize) -> Diagnostic {
-    let v = &model.vars[var];
-    let name = element_name(model, var, i);
-    let is_state = v.role == Role::State;
-    let what = if is_state { format!("`d/dt {name}`") } else { format!("`{name}`") };
-    let more = if count > 1 { format!(" (and {} more of its elements)", count - 1) } else { String::new() };
-    let whole = count > 1 && count == v.len as usize;
-    let own = match model.interface.quantities.states.iter().chain(&model.interface.quantities.algebraics).find(|q| q.var == Some(var)) {
-        Some(q) if whole && !q.axes.is_empty() => format!("{}[{}]", q.name, vec!["..."; q.axes.len()].join(", ")),
-        _ => name.clone(),
-    };
-    let help = if is_state {
-        format!("add `eq d/dt {own} = ...`")
-    } else if v.name.contains('.') {
-        format!("connect the port, or add `eq {own} = ...`")
-    } else {
-        format!("add `eq {own} = ...`, or make it a `let` or a `param`")
-    };
-    Diagnostic::error(codes::UNDERDETERMINED, format!("no equation determines {what}{more}"), v.span).label("has no equation").help(help)
-}
-
-/// Names of elements, the first few of many.
-fn listed(model: &Model, elements: &[Element]) -> String {
-    const SHOWN: usize = 6;
-    let mut text = elements.iter().take(SHOWN).map(|&(v, i)| format!("`{}`", element_name(model, v, i))).collect::<Vec<_>>().join(", ");
-    if elements.len() > SHOWN {
-        text.push_str(&format!(" and {} more", elements.len() - SHOWN));
-    }
-    text
 }
 
 /// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.

@@ -76,7 +76,7 @@ impl Given<'_> {
 }
 
 /// `e = a·x + b` with `a` and `b` free of the node `x`.
-fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId, ExprId)> {
+pub(super) fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId, ExprId)> {
     let zero = exprs.constant(0.0);
     if e == x {
         return Some((exprs.constant(1.0), zero));

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Code, Diagnostic, Severity, SourceMap};
+use super::{Code, Diagnostic, Label, Severity, SourceMap};
 
 /// One diagnostic with its place resolved; lines and columns count from 1, columns in characters.
 #[derive(Clone, Debug, Serialize)]
@@ -25,6 +25,35 @@ pub struct JsonDiagnostic<'a> {
     pub end_column: usize,
     /// What to do; `null` where nothing is known.
     pub help: Option<&'a str>,
+    /// Further facts.
+    pub notes: &'a [String],
+    /// Other places that belong to the fault.
+    pub related: Vec<JsonPlace<'a>>,
+}
+
+/// Another place that belongs to a diagnostic.
+#[derive(Clone, Debug, Serialize)]
+pub struct JsonPlace<'a> {
+    /// What is there; may be empty.
+    pub message: &'a str,
+    /// Name of the file.
+    pub file: &'a str,
+    /// Line of the first character.
+    pub line: usize,
+    /// Column of the first character.
+    pub column: usize,
+    /// Line of the end.
+    pub end_line: usize,
+    /// Column one past the last character.
+    pub end_column: usize,
+}
+
+impl<'a> JsonPlace<'a> {
+    fn new(label: &'a Label, sources: &'a SourceMap) -> Self {
+        let at = sources.locate(label.span);
+        let (line, column, end_line, end_column) = (at.line, at.column, at.end_line, at.end_column);
+        Self { message: &label.text, file: sources.name(label.span.file), line, column, end_line, end_column }
+    }
 }
 
 impl<'a> JsonDiagnostic<'a> {
@@ -42,6 +71,8 @@ impl<'a> JsonDiagnostic<'a> {
             end_line: at.end_line,
             end_column: at.end_column,
             help: diagnostic.help.as_deref(),
+            notes: &diagnostic.notes,
+            related: diagnostic.secondary.iter().map(|label| JsonPlace::new(label, sources)).collect(),
         }
     }
 }

@@ -229,10 +229,11 @@ impl<'t> Scanner<'t> {
         if seen {
             return;
         }
+        let after = &self.text[range.end..];
         let message = format!("unexpected character `{}`", character.escape_debug());
         let fault = Diagnostic::error(codes::UNEXPECTED_CHARACTER, message, self.span(range))
             .label("not part of the language")
-            .help(words::character_help(character));
+            .help(words::character_help(character, after));
         self.report(fault);
     }
 

@@ -44,8 +44,10 @@ pub(super) fn leading_word(line: &str) -> &str {
 }
 
 /// What to write in place of a character that the language does not use.
-pub(super) fn character_help(character: char) -> String {
+pub(super) fn character_help(character: char, after: &str) -> String {
     let instead = match character {
+        '\u{b0}' if after.starts_with('K') => "write `K`: the kelvin has no degree sign",
+        '\u{b0}' if !after.starts_with(['C', 'F']) => "write `deg` for an angle, `degC` for a temperature in degrees Celsius",
         '\u{b0}' => "write `degC` or `°C` for a temperature in degrees Celsius",
         '\u{b5}' | '\u{3bc}' => "write `u` for the prefix micro and `mu` for the letter",
         '\u{d7}' | '\u{b7}' | '\u{22c5}' => "write `*` to multiply",

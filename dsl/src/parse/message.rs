@@ -6,6 +6,7 @@ use super::rules::{BRACKETS, END, EXPRESSION, OPERATOR, describe};
 use super::{Context, Rule};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::span::span;
+use crate::units::Unit;
 use crate::words::form;
 
 /// The diagnostic of a statement that the grammar refused.
@@ -19,6 +20,16 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
     } else {
         span(context.file, context.offset + at, context.offset + at + found.len())
     };
+    if let Some((message, help)) = meant(&text[..at], &text[at..], context.keyword) {
+        return Diagnostic::error(codes::SYNTAX, message, place).help(help);
+    }
+    if found.is_empty()
+        && context.keyword == "eq"
+        && let Some(double) = text.find("==")
+    {
+        let place = span(context.file, context.offset + double, context.offset + double + 2);
+        return Diagnostic::error(codes::SYNTAX, "an equation is written with `=`", place).help("write `=`; `==` compares");
+    }
     let expected = expectation(error);
     let described = if found.is_empty() { "the end of the statement".to_owned() } else { shown(found) };
     let message = format!("expected {expected}, found {described}");
@@ -30,6 +41,64 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
     fault.maybe_help(
         slip(&text[..at], &text[at..], context.keyword).or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))),
     )
+}
+
+/// Message and help for what is written elsewhere, and differently here.
+fn meant(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
+    let found = token(after);
+    let written = before.trim_end();
+    let (message, help) = match found {
+        "(" | ":" if keyword == "def" && !written.contains('=') => {
+            let form =
+                "write names only, `def f(a, b) = expression`: units are those of the arguments, and checked where the function is called";
+            ("the parameters and the result of a `def` have no declared unit".to_owned(), form.to_owned())
+        }
+        "if" if keyword == "connect" => {
+            let form = "restrict the range, `connect a[k] -> b[k] for k in 2..5`, or write a `connect` for each";
+            ("`connect` has no condition".to_owned(), form.to_owned())
+        }
+        _ if found.starts_with('"') && written.ends_with(['=', '!', '>', '<']) => {
+            let name = found.trim_matches('"');
+            let (left, operator) = comparison_before(written)?;
+            ("a name is compared without quotes".to_owned(), format!("write `{left} {operator} {name}`"))
+        }
+        ")" | "" | "\n" if lacks_else(before) => (
+            "an `if` has an `else`, since it has a value in any case".to_owned(),
+            "the form is `if condition then one else other`".to_owned(),
+        ),
+        _ if written.ends_with("d/dt") => return None,
+        _ if found.starts_with(|c: char| c.is_ascii_alphabetic()) && rate_by_name(written).is_some() => {
+            let variable = rate_by_name(written)?;
+            let message = format!("`d/{variable}` is not an operator: a rate is written `d/dt`, whatever the time is called");
+            (message, format!("write `d/dt {found}` for a rate, `div` of a flux or `grad` for a derivative along a domain"))
+        }
+        _ => return None,
+    };
+    Some((message, help))
+}
+
+/// Left side and operator of a comparison that a text ends in.
+fn comparison_before(text: &str) -> Option<(&str, &str)> {
+    let operator = ["==", "!="].into_iter().find(|operator| text.ends_with(operator))?;
+    let rest = text[..text.len() - operator.len()].trim_end();
+    let start = rest.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').map_or(0, |at| at + 1);
+    let name = &rest[start..];
+    (!name.is_empty()).then_some((name, operator))
+}
+
+/// `dz` of a text that ends in `d/dz`.
+fn rate_by_name(text: &str) -> Option<&str> {
+    let at = text.rfind("d/d")?;
+    let apart = !text[..at].ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_');
+    let variable = &text[at + 2..];
+    (apart && variable.len() > 1 && variable.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')).then_some(variable)
+}
+
+/// Whether a text has an `if .. then` without its `else`.
+fn lacks_else(text: &str) -> bool {
+    let words = || text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+    let count = |word: &str| words().filter(|w| *w == word).count();
+    count("then") > count("else")
 }
 
 /// The token that a text begins with.
@@ -118,6 +187,14 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
             "a table has a value for each member: `table a[set] = { first: 1, second: 2 }`, or one for all: `table a[set] default 1 { }`"
         }
         _ if is_rate_slip(before, after) => "a rate is written `d/dt x`",
+        _ if last.is_ascii_digit() && Unit::named(found).is_some() => {
+            let number = last_number(before);
+            return Some(format!("a unit is written in brackets: `{number} [{found}]`; to multiply write `*`"));
+        }
+        "(" if last.is_ascii_digit() && Unit::named(inside(after)).is_some() => {
+            let number = last_number(before);
+            return Some(format!("a unit is written in brackets: `{number} [{}]`", inside(after)));
+        }
         _ if last.is_ascii_digit() && next.is_ascii_alphabetic() => {
             return Some(format!("to multiply write `*`; a unit stands in brackets: `[{found}]`"));
         }
@@ -127,6 +204,18 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         _ => return None,
     };
     Some(hint.to_owned())
+}
+
+/// The number that a text ends in.
+fn last_number(text: &str) -> &str {
+    let text = text.trim_end();
+    let start = text.rfind(|c: char| !c.is_ascii_digit() && c != '.').map_or(0, |at| at + 1);
+    &text[start..]
+}
+
+/// What stands in the parentheses that a text begins with.
+fn inside(text: &str) -> &str {
+    text.strip_prefix('(').and_then(|rest| rest.split_once(')')).map_or("", |(inside, _)| inside.trim())
 }
 
 /// Whether a number and a comma stand before.

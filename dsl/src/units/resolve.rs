@@ -54,6 +54,18 @@ fn meant(symbol: &str) -> Option<String> {
     if let Some((_, known)) = table::SYNONYMS.iter().find(|(other, _)| *other == symbol) {
         return Some(format!("did you mean `{known}`?"));
     }
+    if let Some(absolute) = gauge(symbol) {
+        return Some(format!(
+            "pressures are absolute: write `{absolute}`, and add the atmosphere where the number is a gauge pressure, `2 [{absolute}] + 1 [atm]`"
+        ));
+    }
+    if let Some(absolute) = symbol.strip_suffix('a').filter(|unit| matches!(*unit, "bar" | "mbar" | "kPa" | "atm")) {
+        return Some(format!("write `{absolute}`: pressures are absolute"));
+    }
+    if let Some(share) = symbol.strip_suffix('%') {
+        let known = ["mol%", "wt%", "vol%"].map(|unit| format!("`{unit}`")).join(", ");
+        return Some(format!("write `%`, or one of {known}; a product with `{share}` is written `% {share}`"));
+    }
     let letters = symbol.trim_end_matches(|c: char| c.is_ascii_digit());
     if letters.len() < symbol.len() && Unit::named(letters).is_some() {
         return Some(format!("a power is written `{letters}^{}`", &symbol[letters.len()..]));
@@ -61,6 +73,14 @@ fn meant(symbol: &str) -> Option<String> {
     let near = if symbol.len() > LONGEST { None } else { split(symbol).or_else(|| nearest(symbol)) };
     // A word that is near to none of them is answered with all of them.
     Some(near.unwrap_or_else(all))
+}
+
+/// The unit of a gauge pressure that is written with its letter.
+fn gauge(symbol: &str) -> Option<&str> {
+    symbol
+        .strip_suffix('g')
+        .filter(|unit| matches!(*unit, "bar" | "mbar" | "kPa" | "MPa" | "psi" | "atm"))
+        .or((symbol == "psig").then_some("psi"))
 }
 
 /// The units that there are.

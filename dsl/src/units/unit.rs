@@ -201,6 +201,15 @@ impl Unit {
         memo::binary(memo::Operation::Divide, self, other, || self.product(&other.power(Rational::integer(-1))?))
     }
 
+    /// The same unit by the name of a derived one, with its prefix, where there is one: `kW` for `kJ/s`.
+    #[must_use]
+    pub fn simplest(&self) -> Self {
+        let symbols =
+            ["N", "Pa", "J", "W", "V", "ohm"].into_iter().flat_map(|symbol| ["", "k", "M", "m"].map(|prefix| format!("{prefix}{symbol}")));
+        let alike = |unit: &Self| unit == self && self.0.factors.len() > 1;
+        symbols.filter_map(|symbol| Self::named(&symbol)).find(alike).unwrap_or_else(|| self.clone())
+    }
+
     /// Unit of a power of a difference.
     #[must_use]
     pub fn power(&self, exponent: Rational) -> Option<Self> {

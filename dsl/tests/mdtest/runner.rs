@@ -1,7 +1,7 @@
 //! Runs Markdown files that are specification and test at once.
 //!
 //! A `## heading` states a behaviour, an `eq` block below it holds a model, a `diagnostics` block the faults that it must give, one a line:
-//! `code line:column message`. Where the block has lines `help: ...`, the advice of every fault is compared too. Without a `diagnostics` block the
+//! `code line:column message`. Where the block has lines `help: ...` or `note: ...`, the advice or the notes of every fault are compared too. Without a `diagnostics` block the
 //! model must be free of faults. Text between is for the reader.
 //!
 //! `MDTEST_BLESS=1` writes what was found into the files; read the difference before you keep it.
@@ -85,11 +85,13 @@ fn cases(text: &str) -> Vec<Case> {
 fn shown(case: &Case, faults: &[Diagnostic]) -> String {
     let mut sources = SourceMap::new();
     sources.add("model.eq", &case.source);
-    let advised = case.expected.lines().any(|line| line.starts_with("help: "));
+    let has = |kind: &str| case.expected.lines().any(|line| line.starts_with(kind));
+    let (advised, noted) = (has("help: "), has("note: "));
     let line = |fault: &Diagnostic| {
         let at = sources.locate(fault.primary.span);
         let help = fault.help.as_ref().filter(|_| advised).map_or(String::new(), |help| format!("help: {help}\n"));
-        format!("{} {}:{} {}\n{help}", fault.code, at.line, at.column, fault.message)
+        let notes: String = fault.notes.iter().filter(|_| noted).map(|note| format!("note: {note}\n")).collect();
+        format!("{} {}:{} {}\n{help}{notes}", fault.code, at.line, at.column, fault.message)
     };
     faults.iter().map(line).collect()
 }

@@ -49,10 +49,10 @@ def run(env: smpl.Env, begin: Callable[[], None], decide: Decide, episodes: int,
         env.reset(seed=seed)
         begin()
         for _ in range(steps):
-            start, used = time.perf_counter(), time.thread_time()
+            start, used = time.perf_counter(), time.process_time()
             action = decide(env.state)
             clock.append(time.perf_counter() - start)
-            processor.append(time.thread_time() - used)
+            processor.append(time.process_time() - used)
             *_, terminated, truncated, _ = env.step(action)
             distance.append(float(np.mean((env.state - target) ** 2)))
             if terminated or truncated:
@@ -103,9 +103,9 @@ def culture(decisions: int) -> None:
         controller.reset(env)
         times = []
         for _ in range(decisions + 1):
-            used = time.thread_time()
+            used = time.process_time()
             action = controller.action(env)
-            times.append(time.thread_time() - used)
+            times.append(time.process_time() - used)
             env.step(action)
         if kind == "mpc":
             goal("culture, tracking, horizon 100, first decision", times[0], 1.0, "s")

@@ -1,4 +1,8 @@
-"""Steps a second of the environments that come with the package: the figures of the README's table."""
+"""Steps a second of the environments that come with the package: the figures of the README's table.
+
+Two cases: the nominal policy from the start of seed 0, and random actions of +-0.2 from sampled starts, new
+episodes after ended ones included. Each is run by the model's own method and by `auto`.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +19,45 @@ from smpl.controllers import Controller, Nominal, Policy
 BATCH = 16
 # Most steps of an episode that are taken: the start counts for as much as it does in a short one.
 MOST_STEPS = 200
+# Random actions: largest distance from the middle, of actions scaled to -1..1.
+WIDTH = 0.2
+METHODS = (None, "auto")
 
 
 def main(repeats: int) -> None:
-    """Print a row for each environment: alone, and in a batch on one thread."""
-    title(f"Environments: steps a second on one thread, nominal policy; alone, and {BATCH} together")
+    """Print two rows for each environment, alone and in a batch on one thread, by its own method and by `auto`."""
+    title(f"Environments: steps a second on one thread, alone and {BATCH} together, by the model's method and by auto")
     for name, model in ENVIRONMENTS.items():
-        env = smpl.Env(model, normalize=False)
-        actions = nominal_actions(env)
-        alone = len(actions) / seconds(partial(episode, env, actions), repeats)
-        batch = batch_rate(env.model, actions, repeats)
-        print(f"  smpl/{name}-v0: {len(actions)} steps; {alone:,.0f} steps/s alone, {batch:,.0f} steps/s together")
+        actions = nominal_actions(smpl.Env(model, normalize=False))
+        runs = [smpl.Env(model, normalize=False, method=method) for method in METHODS]
+        cases = {
+            "nominal policy": (episode, actions),
+            f"random +-{WIDTH}": (episodes, random_actions(runs[0], MOST_STEPS)),
+        }
+        for case, (run, given) in cases.items():
+            # In turn, so that both methods meet the same machine.
+            alone = [len(given) / seconds(partial(run, env, given), repeats) for env in runs]
+            batches = [batch_rate(env.model, method, given, repeats) for env, method in zip(runs, METHODS, strict=True)]
+            rates = ", ".join(
+                f"{label} {one:,.0f} steps/s alone, {many:,.0f} together"
+                for label, one, many in zip(("default", "auto"), alone, batches, strict=True)
+            )
+            print(f"  smpl/{name}-v0, {case}, {len(given)} steps: {rates}")
+
+
+def random_actions(env: smpl.Env, steps: int) -> list[FloatArray]:
+    """Random actions of up to `WIDTH` of half of their ranges around the middle."""
+    middle, half = (env.action_low + env.action_high) / 2, (env.action_high - env.action_low) / 2
+    return list(middle + np.random.default_rng(0).uniform(-WIDTH, WIDTH, (steps, len(half))) * half)
+
+
+def episodes(env: smpl.Env, actions: list[FloatArray]) -> None:
+    """As many steps from sampled starts; an ended episode is followed by another one."""
+    env.reset(seed=0)
+    for action in actions:
+        _, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            env.reset()
 
 
 def nominal_actions(env: smpl.Env) -> list[FloatArray]:
@@ -49,9 +81,9 @@ def episode(env: smpl.Env, actions: list[FloatArray]) -> None:
         env.step(action)
 
 
-def batch_rate(model: smpl.Model, actions: list[FloatArray], repeats: int) -> float:
-    """Steps a second of equal environments, one after another in one thread."""
-    venv = smpl.VectorEnv(model, num_envs=BATCH, num_threads=1, normalize=False)
+def batch_rate(model: smpl.Model, method: str | None, actions: list[FloatArray], repeats: int) -> float:
+    """Steps a second of a batch in one thread, with the same actions in each of its environments."""
+    venv = smpl.VectorEnv(model, num_envs=BATCH, num_threads=1, normalize=False, method=method)
 
     def run() -> None:
         venv.reset(seed=0)

@@ -104,11 +104,11 @@ def solve(case: Case, method: str, rtol: float) -> Run | None:
     begin = time.thread_time()
     for step in range(case.steps):
         action = env.native.policy(recipe) if recipe else nominal + (step % 3 - 1) * width
-        *_, terminated, _, info = env.step(action)
+        _, _, terminated, _, _ = env.step(action)
         if terminated and step + 1 < case.steps:
             return None
     seconds = time.thread_time() - begin
-    if info["failure"].startswith("solver"):
+    if env.native.failure_kind == "solver":
         return None
     return Run(env.state, env.solver_statistics["residuals"], seconds)
 

@@ -5,7 +5,7 @@ from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Polic
 from smpl.controllers.baselines import baseline, baselines
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.controllers.beer import Profile, isothermal
-from smpl.controllers.kalman import ExtendedKalmanFilter
+from smpl.controllers.kalman import Consistency, ExtendedKalmanFilter, consistency
 from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator
 from smpl.controllers.nmpc import NMPC
@@ -20,6 +20,7 @@ __all__ = [
     "PID",
     "BayesianOptimization",
     "Cascade",
+    "Consistency",
     "Constant",
     "Controller",
     "ExtendedKalmanFilter",
@@ -37,5 +38,6 @@ __all__ = [
     "as_player",
     "baseline",
     "baselines",
+    "consistency",
     "isothermal",
 ]

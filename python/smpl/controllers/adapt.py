@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+from gymnasium.spaces import Box
 
 from smpl._arguments import FloatArray, as_vector, check_names
 from smpl.controllers.base import TakesWrapped, plain
@@ -127,6 +128,7 @@ class _Shown:
 
     def check(self, env: gymnasium.Env[Any, Any]) -> None:
         check_view(plain(env), self._policy)
+        check_spaces(self._policy, env.observation_space, env.action_space, plain(env))
 
     def reset(self, env: gymnasium.Env[Any, Any]) -> None:
         # A policy that draws does so with the generators of its library.
@@ -230,6 +232,52 @@ def check_view(env: Env, controller: Any) -> None:
         )
     known = ", ".join((*VIEWS[1:], *env.model.levels))
     raise ValueError(f"{who} sees {sees!r}, which {env.model.name} does not have; there are: {known}")
+
+
+def check_spaces(policy: Any, observations: Any, actions: Any, env: Env) -> None:
+    """Refuse a policy whose observations or actions are not these, if it states its own.
+
+    Raises:
+        ValueError: their numbers differ, or one has actions in [-1, 1] and the other in physical units.
+    """
+    seen, given = (
+        _shape(policy, "observation_space", "observation_shape"),
+        _shape(policy, "action_space", "action_size"),
+    )
+    where = f"{env.model.name} (level {env.model.level!r})"
+    advice = (
+        "evaluate a policy in the formulation and on the observation level that it was trained in; "
+        "smpl.learning.save_policy(policy, path, env) keeps them with the file"
+    )
+    if seen not in (None, observations.shape) or given not in (None, actions.shape):
+        raise ValueError(
+            f"the policy takes observations of shape {seen} and gives actions of shape {given}; {where} has "
+            f"{observations.shape} and {actions.shape}: {advice}"
+        )
+    own = getattr(policy, "action_space", None)
+    trained = getattr(own, "formulation", None)  # see `smpl.learning.formulation.LearnedBox`
+    if trained is not None and trained != getattr(actions, "formulation", None):
+        raise ValueError(
+            f"the policy was trained in the formulation {trained}; {where} has another or none: use "
+            "smpl.learning.formulation.FormulatedPolicy(policy, formulation), or the file that save_policy writes"
+        )
+    if isinstance(own, Box) and isinstance(actions, Box) and _is_unit(own) != _is_unit(actions):
+        kinds = ["in [-1, 1]" if _is_unit(one) else "in physical units" for one in (own, actions)]
+        raise ValueError(f"the policy gives actions {kinds[0]}; {where} takes them {kinds[1]}: {advice}")
+
+
+def _shape(policy: Any, space: str, size: str) -> tuple[int, ...] | None:
+    """Shape of a policy's space as Stable-Baselines3 or d3rlpy states it; none if it does not."""
+    stated = getattr(getattr(policy, space, None), "shape", None)
+    if stated is None:
+        stated = getattr(policy, size, None)
+    if isinstance(stated, (int, np.integer)):
+        return (int(stated),)
+    return tuple(stated) if isinstance(stated, (tuple, list)) else None
+
+
+def _is_unit(space: Box) -> bool:
+    return bool((space.low == -1).all() and (space.high == 1).all())
 
 
 def _arguments(function: Any) -> tuple[str, ...]:

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_vector, check_names
-from smpl._identity import MADE_FROM, MadeFrom
+from smpl._identity import BEGUN, MADE_FROM, MadeFrom
+from smpl._native import SimulationError
 from smpl.envs import Env
 
 
@@ -33,19 +34,25 @@ class TakesWrapped:
 
     Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
 
+    `action` before `reset` is refused, unless a subclass with `needs_reset=False` has nothing that a reset prepares.
+
     Of a subclass with `of_arguments=True` all that it chooses follows from the arguments that it was made with, and
     data sets tell it by them; what it has built since, as a solver, does not matter.
     """
 
     _of_arguments = False
+    _needs_reset = True
 
-    def __init_subclass__(cls, of_arguments: bool = False, **kwargs: Any) -> None:
+    def __init_subclass__(cls, of_arguments: bool = False, needs_reset: bool | None = None, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if needs_reset is not None:
+            cls._needs_reset = needs_reset
         cls._of_arguments = cls._of_arguments or of_arguments
         if cls._of_arguments and "__init__" in vars(cls):
             setattr(cls, "__init__", _recorded(vars(cls)["__init__"]))  # noqa: B010 - mypy forbids the assignment
-        for name in {"__init__", "reset", "action"} & vars(cls).keys():
-            setattr(cls, name, _beneath(vars(cls)[name]))
+        wrappers = {"__init__": _beneath, "reset": _beginning, "action": _begun}
+        for name in wrappers.keys() & vars(cls).keys():
+            setattr(cls, name, wrappers[name](vars(cls)[name]))
 
 
 def _recorded(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -73,12 +80,54 @@ def _beneath(method: Callable[..., Any]) -> Callable[..., Any]:
     return unwrapped
 
 
+def _beginning(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A `reset` after which the controller may act."""
+    inner = _beneath(method)
+
+    @functools.wraps(method)
+    def beginning(self: Any, *given: Any, **named: Any) -> Any:
+        found = inner(self, *given, **named)
+        if self._needs_reset:
+            setattr(self, BEGUN, True)
+        return found
+
+    return beginning
+
+
+def _begun(method: Callable[..., Any]) -> Callable[..., Any]:
+    """An `action` that needs a `reset` before it, in classes that have one.
+
+    Raises:
+        SimulationError: there was none.
+    """
+    inner = _beneath(method)
+
+    @functools.wraps(method)
+    def acting(self: Any, *given: Any, **named: Any) -> Any:
+        if self._needs_reset and hasattr(self, "reset"):
+            require_reset(self, "action")
+        return inner(self, *given, **named)
+
+    return acting
+
+
+def require_reset(controller: Any, method: str) -> None:
+    """Refuse a method of a controller or estimator that was not reset.
+
+    Raises:
+        SimulationError: names the method.
+    """
+    if not hasattr(controller, BEGUN):
+        name = type(controller).__name__
+        raise SimulationError(f"{name}.{method} comes before {name}.reset: call reset(env) after env.reset()")
+
+
 def plain(given: Any) -> Any:
     """An environment without its wrappers, anything else as it is."""
     return given.unwrapped if isinstance(given, gymnasium.Wrapper) else given
 
 
-class Constant(TakesWrapped):
+class Constant(TakesWrapped, needs_reset=False):
     """The same action at every step.
 
     Args:
@@ -105,7 +154,7 @@ class Constant(TakesWrapped):
         return self._action.copy()
 
 
-class Policy(TakesWrapped):
+class Policy(TakesWrapped, needs_reset=False):
     """A policy that the model declares, as `smpl simulate --policy NAME` runs it.
 
     Args:
@@ -128,7 +177,7 @@ class Policy(TakesWrapped):
         return env.policy(self._name)
 
 
-class Nominal(TakesWrapped):
+class Nominal(TakesWrapped, needs_reset=False):
     """What `smpl simulate --policy nominal` runs: the model's policy `nominal`, else the nominal action."""
 
     def reset(self, env: Env) -> None:
@@ -159,7 +208,7 @@ class Uniform(TakesWrapped, of_arguments=True):
         return self._generator.uniform(env.action_low, env.action_high)
 
 
-class OpenLoop(TakesWrapped):
+class OpenLoop(TakesWrapped, needs_reset=False):
     """A recorded sequence of actions.
 
     Args:

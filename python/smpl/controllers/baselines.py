@@ -11,7 +11,7 @@ from smpl._registry import ENVIRONMENTS
 from smpl.controllers.base import Constant, Policy
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.culture import CultureMPC
-from smpl.controllers.oracles import oracle
+from smpl.controllers.full_information import full_information
 from smpl.controllers.pensim import RecipeSearch
 from smpl.controllers.reactor import Proportional, ReactorNMPC
 
@@ -37,7 +37,7 @@ _BASELINES: dict[str, dict[str, Callable[..., Any]]] = {
     "mab_plant": {"nominal": _policy("nominal")},
 }
 for _name, _known in _BASELINES.items():
-    _known["oracle"] = partial(oracle, _name)
+    _known["full_information"] = partial(full_information, _name)
 
 
 def baseline(env_name: str, name: str, **options: Any) -> Any:
@@ -46,8 +46,8 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
     Args:
         env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
         name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
-            (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `oracle` for each, which knows the
-            state and the parameters of the episode.
+            (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `full_information` for each, which
+            knows the state and the parameters of the episode.
         options: further arguments of the controller, such as `temperature` of `isothermal`.
 
     Raises:

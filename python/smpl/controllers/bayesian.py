@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_numbers
+from smpl._clock import Clock
+from smpl._optional import load
 from smpl._searches import read_search
 from smpl.model import Model
 from smpl.rollout import Rollout
@@ -43,6 +45,10 @@ class BayesianOptimization:
         exploration: xi, by which the best value must be improved, over the deviation of the values.
         refit: hyperparameters of the Gaussian process are fitted again when the evaluations have grown by this share;
             0 fits them before every batch. What is new counts in any case: only lengths and variances wait.
+
+    Attributes:
+        fallbacks: points that were drawn at random because the Gaussian process could not be computed.
+        last_status: reason of the last fallback.
 
     Raises:
         ValueError: a box that is none, or a file of another search.
@@ -83,6 +89,7 @@ class BayesianOptimization:
         self._refit, self._prior = float(refit), (0, _Prior(0.0, 1.0, None))
         self._file = None if file is None else Path(file)
         self.points, self.values = np.zeros((0, len(self.low))), np.zeros(0)
+        self.fallbacks, self.last_status = 0, ""
         _library()
         self._read()
 
@@ -98,15 +105,24 @@ class BayesianOptimization:
         place = int(np.nanargmax(np.where(np.isfinite(self.values), self.values, np.nan)))
         return self.points[place].copy(), float(self.values[place])
 
-    def run(self, objective: Objective, evaluations: int, progress: Callable[[int, float], Any] | None = None) -> None:
+    def run(
+        self,
+        objective: Objective,
+        evaluations: int,
+        progress: Callable[[int, float], Any] | None = None,
+        *,
+        seconds: float | None = None,
+    ) -> None:
         """Go on until so many evaluations are there, those of the file included.
 
         Args:
             objective: of points (n, d), returns values (n,); a value that is not finite is taken as the worst one.
             evaluations: in all.
             progress: called with the number of evaluations and the best value.
+            seconds: no batch begins after so many; no limit if None.
         """
-        while len(self.values) < evaluations:
+        clock = Clock(seconds)
+        while len(self.values) < evaluations and not clock.over():
             points = self.ask(min(self._batch, evaluations - len(self.values)))
             self.tell(points, objective(points))
             if progress is not None:
@@ -124,8 +140,7 @@ class BayesianOptimization:
             if place < fixed or len(self.values) < 2:
                 point = generator.uniform(self.low, self.high)
             else:
-                with _one_thread():
-                    point = self._most_promising(points, values, generator)
+                point = self._proposed(points, values, generator)
             point = self._rounded(point)
             chosen.append(point)
             # The constant liar: as if the point had brought the mean.
@@ -146,6 +161,16 @@ class BayesianOptimization:
         if self._decimals is None:
             return point
         return np.clip(np.round(point, self._decimals), self.low, self.high)
+
+    def _proposed(self, points: FloatArray, values: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """The most promising point, or a random one where the Gaussian process cannot be computed."""
+        try:
+            with _one_thread():
+                return self._most_promising(points, values, generator)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            self.fallbacks += 1
+            self.last_status = str(error).splitlines()[0] if str(error) else type(error).__name__
+            return np.asarray(generator.uniform(self.low, self.high))
 
     def _most_promising(self, points: FloatArray, values: FloatArray, generator: np.random.Generator) -> FloatArray:
         scaled, prior = self._scaled(points), self._fitted()
@@ -285,11 +310,8 @@ def recipe_return(
 
 
 def _library() -> tuple[Any, Any]:
-    try:
-        from sklearn.gaussian_process import GaussianProcessRegressor, kernels
-    except ImportError as error:
-        raise ImportError("Bayesian optimisation needs scikit-learn: pip install 'smpl[bayes]'") from error
-    return GaussianProcessRegressor, kernels
+    library = load("sklearn.gaussian_process", "Bayesian optimisation")
+    return library.GaussianProcessRegressor, library.kernels
 
 
 def _one_thread() -> Any:

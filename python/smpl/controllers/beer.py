@@ -9,7 +9,7 @@ from smpl.controllers.base import Constant, TakesWrapped, require
 from smpl.envs import Env
 
 
-class Profile(TakesWrapped):
+class Profile(TakesWrapped, needs_reset=False):
     """Industrial temperature profile: warm up, hold, warm up again, cool for settling. Tuned to 130 g/L of sugar."""
 
     def reset(self, env: Env) -> None:

@@ -88,6 +88,8 @@ class Task:
         rates: largest change of each action between two intervals, infinite if any.
         convex: the cost is a sum of weighted squares.
         path: limits hold at inner nodes too.
+        factor: scale of the cost.
+        rows: sizes of the residuals behind the explicit rates, by which they are divided; 1 if None.
         offset: rates have a constant term for each state, key `offset:NAME`.
     """
 
@@ -112,6 +114,7 @@ class Task:
     convex: bool = False
     remembers: bool = False
     factor: float = 1.0
+    rows: FloatArray | None = None
 
 
 @dataclass
@@ -153,14 +156,16 @@ class Transcription:
         self.n, self.nz, self.m = len(self.e.state_names), len(self.e.algebraic_names), len(task.actions)
         self.at = [self.e.export.action_names.index(name) for name in task.actions]
         self.scale = self.e.action_scale[self.at]
+        self.rows = np.ones(self.n + self.nz - len(self.e.explicit)) if task.rows is None else task.rows
         self.width = len(self.points) * (self.n + self.nz) * task.elements
         self.soft = [limit for limit in task.limits if limit.soft]
         # Where the values of q stand among those that are common to all intervals and, behind them, those of one.
         keys = [*(key for key in task.given if key not in task.varying), *task.varying]
         self.order = [keys.index(key) for key in task.given]
-        self._equations = self._point_function("equations", self.e.equations)
+        self._equations = self.point_function("equations", self.e.equations)
 
-    def _point_function(self, name: str, value: Any) -> Any:
+    def point_function(self, name: str, value: Any) -> Any:
+        """Function of a point: (x, z, chosen actions, x at the start, actions before, integrals, rates, time, q)."""
         e = self.e
         chosen, before = e.u[self.at], e.before[self.at]
         arguments = [e.x, e.z, chosen, e.start, before, e.integral, e.dx, e.time, e.symbols(self.task.given)]
@@ -174,7 +179,7 @@ class Transcription:
         q, t = ca.SX.sym("q", len(task.given)), ca.SX.sym("t")
         matrix = differentiation_matrix(np.append(0.0, self.points))[1:]
         length = e.export.step / task.elements
-        size, per = len(self.points), self.n + self.nz
+        size, per, own = len(self.points), self.n + self.nz, e.explicit
         sx, sz = e.state_scale, e.algebraic_scale
         begin, equations, places = s, [], []
         action, last, zero = u * self.scale, v * self.scale, ca.SX(e.integral.numel(), 1)
@@ -190,10 +195,9 @@ class Transcription:
                 moment = t + (k + float(self.points[j])) * length
                 rates = slope * sx / length - offset
                 found = self._equations(x, z, action, s * sx, last, zero, rates, moment, q)
-                if e.explicit:
-                    equations += [slope - inside * length * (found[: self.n, :] + offset) / sx, found[self.n :, :]]
-                else:
-                    equations.append(found)
+                for i, one in enumerate(own):
+                    equations.append(slope[one] - inside * length * (found[i] + offset[one]) / sx[one])
+                equations.append(found[len(own) :, :] / self.rows)
                 places.append((x, z, moment))
             begin = cells[-1][: self.n, :]
         return {"s": s, "v": v, "u": u, "w": w, "q": q, "t": t, "end": begin, "places": places,
@@ -219,7 +223,7 @@ class Transcription:
         def at(function: Any, place: tuple[Any, Any, Any]) -> Any:
             return function(place[0], place[1], *common, place[2], one["q"])
 
-        function = self._point_function("cost", cost)
+        function = self.point_function("cost", cost)
         if task.integrate:
             weights = np.tile(quadrature_weights(self.points), task.elements) / task.elements
             value = sum(b * at(function, place) for b, place in zip(weights, one["places"], strict=True))
@@ -246,7 +250,7 @@ class Transcription:
     def _rows(self, limit: Limit, one: dict[str, Any], at: Any, first: bool) -> list[Any]:
         """What must not be negative for a limit to hold at the end of the interval and at its inner nodes."""
         ca, e = self._ca, self.e
-        function = self._point_function("limit", limit.expression)
+        function = self.point_function("limit", limit.expression)
         *inner, end = [at(function, place) / limit.size for place in one["places"]]
         low, high = limit.low / limit.size, limit.high / limit.size
         below = above = 0.0
@@ -264,7 +268,7 @@ class Transcription:
         ca, e = self._ca, self.e
         if not e.integral.numel():
             return e.integral
-        function = self._point_function("integrals", e.call(e.export.integrals))
+        function = self.point_function("integrals", e.call(e.export.integrals))
         weights = np.tile(quadrature_weights(self.points), self.task.elements) * e.export.step / self.task.elements
         zero = ca.SX(e.integral.numel(), 1)
         begin = (one["action"], one["s"] * e.state_scale, one["last"], zero, ca.SX(self.n, 1))

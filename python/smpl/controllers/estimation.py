@@ -8,14 +8,15 @@ derivatives of readings, which no integration blurs, are central differences.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_number
+from smpl._arguments import FloatArray, as_finite, as_finite_number, as_mapping, as_number
 from smpl._native import SimulationError
+from smpl.controllers.disturbances import Disturbances, drawn_parameters
 from smpl.controllers.names import listing, weights
 from smpl.controllers.sensors import Sensors, sensors
 from smpl.envs import Env
@@ -41,14 +42,18 @@ class Estimator(Protocol):
 
 
 class Prediction:
-    """A model as a filter sees it: x = (states, estimated parameters), one step, and the readings.
+    """A model as a filter sees it: x = (states, estimated parameters, estimated disturbances), a step, the readings.
 
     Args:
         model: the model that predicts.
-        parameters: names of parameters that are estimated with the states; they stay as they are over a step.
+        parameters: names of parameters that are estimated with the states, and the standard deviations of their drift
+            in a step.
         process_noise: standard deviation of what a step adds to each state, by name; of those that are left out a
             thousandth of their size.
         noise: of the readings, by name, in place of what the level declares.
+        fixed: values of parameters of the model.
+        disturbances: names of declared disturbances that are estimated; if none, all that are random or go on from
+            their own values. Parameters and numbers that are drawn at a reset and move these are estimated too.
     """
 
     def __init__(
@@ -57,28 +62,37 @@ class Prediction:
         parameters: Mapping[str, float] | None,
         process_noise: Mapping[str, float] | None,
         noise: Mapping[str, float] | None,
+        fixed: Mapping[str, float] | None = None,
+        disturbances: Iterable[str] | None = None,
     ) -> None:
         self.model = model
+        self.fixed: dict[str, float] = dict(as_mapping("p", fixed))
         self.states = len(model.state_names)
-        self.parameters = tuple(parameters or ())
+        given = dict(as_mapping("parameters", parameters))
+        self.disturbances = Disturbances(model, disturbances, self.fixed)
+        moving = self.disturbances.parameters()
+        given |= {name: 0.0 for name in moving if name not in given and name not in self.fixed}
+        self.parameters = tuple(given)
         self._check_parameters()
-        self.names = (*model.state_names, *self.parameters)
-        self.scale = np.concatenate([self._sizes(), [self._size_of(name) for name in self.parameters]])
+        self._deviations = {**(drawn_parameters(model, self._known()) if given else {}), **moving}
+        self.names = (*model.state_names, *self.parameters, *self.disturbances.names)
+        self._tail = self.states + len(self.parameters)
+        sizes = [self._size_of(name) for name in self.parameters]
+        self.scale = np.concatenate([self._sizes(), sizes, self.disturbances.size])
         self.low, self.high = self._bounds()
         declared = weights("process_noise", process_noise, model.state_names, model.state_units)
-        given = set(process_noise or ())
+        stated = set(process_noise or ())
         deviation = [
-            declared[i] if declared is not None and name in given else 1e-3 * self.scale[i]
+            declared[i] if declared is not None and name in stated else 1e-3 * self.scale[i]
             for i, name in enumerate(model.state_names)
         ]
-        drift = [as_number(f"parameters[{name!r}]", value) for name, value in (parameters or {}).items()]
-        self.process = np.array([*deviation, *drift])
+        drift = [as_deviation(f"parameters[{name!r}]", value) for name, value in given.items()]
+        self.process = np.array([*deviation, *drift, *np.zeros(len(self.disturbances.names))])
         self.sensors: Sensors = sensors(model, noise)
         low, high = model.native.bounds("observation")
         width = np.where(np.isfinite(high - low), high - low, 1.0)
         # An exact reading has the precision of the numbers that it is returned in.
         self.noise = np.where(self.sensors.noise > 0, self.sensors.noise, 1e-6 * width)
-        self.fixed: dict[str, float] = {}
         self.limit = model.max_steps + 1
         self._by_differences, self._why = 0, ""
 
@@ -106,11 +120,14 @@ class Prediction:
                 np.where(np.isnan(low + high), nominal + 0.1, low + share * (high - low)) for share in (0.4, 0.7)
             ]
             env.step(actions[0])
-            given = {**self.fixed, **discrete_of(env)}
-            found = linearize_step(model, env.state, actions[1], given, by=(), first_step=1)
+            state, discrete = env.state, discrete_of(env)
+            found = linearize_step(model, state, actions[1], {**self.fixed, **discrete}, by=(), first_step=1)
             _, _, terminated, truncated, _ = env.step(actions[1])
-            point = np.append(found.states, [env.parameters[name] for name in self.parameters])
-            there = self._rollout(point[None], nominal, 2, discrete_of(env)).observations[0, 0]
+            carried = [env.parameters[name] for name in self.parameters]
+            before = np.concatenate([state, carried, self.disturbances.start()])
+            disturbed = self._next(before[None], actions[1], 1, discrete, None)[0]
+            point = np.concatenate([found.states, carried, disturbed])
+            there = self.read(point[None], 2, discrete_of(env), nominal)[0]
         except (RuntimeError, SimulationError, ValueError):  # an episode that does not come to two steps shows nothing
             return
         if terminated or truncated:
@@ -152,47 +169,115 @@ class Prediction:
         Raises:
             ValueError: the model could not be integrated from one of them.
         """
-        found = self._rollout(points, action, at, discrete)
-        return np.concatenate([found.states[:, -1], points[:, self.states :]], axis=1)
+        nodes = self._spread(points[0], action, at, discrete)[1]
+        return self._stepped(points, action, at, discrete, self._next(points, action, at, discrete, nodes))
+
+    def _stepped(
+        self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], later: FloatArray
+    ) -> FloatArray:
+        found = self._rollout(points, action, at, discrete, later)
+        return np.concatenate([found.states[:, -1], points[:, self.states : self._tail], later], axis=1)
 
     def read(self, points: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray) -> FloatArray:
         """Readings (N, observations) without noise of samples taken at the points."""
-        return self._rollout(points, action, at, discrete).observations[:, 0]
+        if not self.disturbances.names:
+            return self._rollout(points, action, at, discrete, points[:, self._tail :]).observations[:, 0]
+        inside = self.clipped(points)
+        low, high = self.model.native.bounds("observation")
+        read = self.disturbances.read(
+            inside[:, : self.states], inside[:, self._tail :], action, at, discrete, self._named(inside)
+        )
+        return np.clip(read, low, high)
 
     def transition(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
-    ) -> tuple[FloatArray, FloatArray]:
-        """The point (x,) a step later and its derivative (x, x)."""
-        return self.step(x[None], action, at, discrete)[0], self._slope(x, action, at, discrete)
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The point (x,) a step later, its derivative (x, x), and the covariance (x, x) of what the step adds."""
+        scatter, nodes = self._spread(x, action, at, discrete)
+        disturbed = self._next(x[None], action, at, discrete, nodes)
+        later = self._stepped(x[None], action, at, discrete, disturbed)[0]
+        slope, by_disturbances = self._derivatives(x, action, at, discrete, disturbed[0], nodes)
+        return later, slope, np.diag(self.process**2) + by_disturbances @ scatter @ by_disturbances.T
 
-    def linearized(
+    def _spread(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """The point a step later and its derivative, the readings now and theirs."""
-        points, width = self._beside(x)
-        found = self._rollout(np.vstack([x, points]), action, at, discrete)
-        later, read = np.append(found.states[0, -1], x[self.states :]), found.observations[:, 0]
-        return later, self._slope(x, action, at, discrete), read[0], _slopes(read[1:], width)
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Covariance of the disturbances of the coming step, and nodes of their mean."""
+        if not self.disturbances.names:
+            return np.zeros((0, 0)), None
+        inside = self.clipped(x)
+        values = self._named(inside[None])
+        return self.disturbances.spread(inside[: self.states], inside[self._tail :], action, at, discrete, values)
 
-    def _slope(self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
-        """Derivative (x, x) of a step."""
+    def _next(
+        self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], nodes: FloatArray | None
+    ) -> FloatArray:
+        """Disturbances (N, disturbances) of the coming step, at their means."""
+        if not self.disturbances.names:
+            return np.zeros((len(points), 0))
+        inside = self.clipped(points)
+        states, present = inside[:, : self.states], inside[:, self._tail :]
+        return self.disturbances.next(states, present, action, at, discrete, self._named(inside), nodes)
+
+    def _derivatives(
+        self,
+        x: FloatArray,
+        action: FloatArray,
+        at: int,
+        discrete: Mapping[str, float],
+        disturbed: FloatArray,
+        nodes: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivative (x, x) of a step, and that (x, disturbances) by the disturbances during it."""
+        count, size = len(disturbed), len(x)
+        by_disturbances = np.zeros((size, count))
+        by_disturbances[self._tail :] = np.eye(count)
+        whole = np.eye(size)
         try:
-            return self._exact(self.clipped(x), action, at, discrete)
+            own, direct = self._exact(self.clipped(x), action, at, discrete, disturbed)
         except SimulationError as error:
             self._by_differences, self._why = self._by_differences + 1, str(error).removeprefix("point 0: ")
-        points, width = self._beside(x)
-        return _slopes(self.step(points, action, at, discrete), width)
+            own, direct = self._by_difference(x, action, at, discrete, disturbed)
+        whole[: self.states] = own
+        by_disturbances[: self.states] = direct
+        if count:
+            points, width = self._beside(x)
+            rule = _slopes(self._next(points, action, at, discrete, nodes), width)
+            whole[self._tail :] = 0.0
+            whole += by_disturbances @ rule
+        return whole, by_disturbances
 
-    def _exact(self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> FloatArray:
-        """Forward sensitivities of the step, (x, x); estimated parameters stay as they are."""
-        values = dict(zip(self.parameters, x[self.states :].tolist(), strict=True))
+    def _exact(
+        self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], disturbed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Forward sensitivities of the states after a step, by x and by the disturbances during it."""
+        values = dict(zip(self.parameters, x[self.states : self._tail].tolist(), strict=True))
+        names = self.disturbances.names[: self.disturbances.moving]
+        given = {**self.fixed, **discrete, **values, **dict(zip(names, disturbed.tolist(), strict=False))}
         found = linearize_step(
-            self.model, x[: self.states], action, {**self.fixed, **discrete, **values}, by=("state",),
-            parameters=self.parameters, first_step=at,
+            self.model, x[: self.states], action, given, by=("state",), parameters=self.parameters,
+            disturbances=names, first_step=at,
         )  # fmt: skip
-        whole = np.eye(len(x))
-        whole[: self.states] = np.concatenate([found.dx_dx, found.dx_dp], axis=1)
-        return whole
+        nothing = np.zeros((self.states, len(disturbed)))
+        direct = nothing.copy()
+        direct[:, : len(names)] = found.dx_dw
+        return np.concatenate([found.dx_dx, found.dx_dp, nothing], axis=1), direct
+
+    def _by_difference(
+        self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], disturbed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same by differences of rollouts."""
+        points, width = self._beside(x)
+        held = np.tile(disturbed, (len(points), 1))
+        own = _slopes(self._rollout(points, action, at, discrete, held).states[:, -1], width)
+        count = len(disturbed)
+        distance = 1e-4 * np.maximum(self.disturbances.size, np.abs(disturbed))
+        moved = disturbed + np.vstack([-np.diag(distance), np.diag(distance)]) if count else np.zeros((0, 0))
+        direct = np.zeros((self.states, count))
+        if count:
+            found = self._rollout(np.tile(x, (2 * count, 1)), action, at, discrete, moved)
+            direct = _slopes(found.states[:, -1], 2 * distance)
+        return own, direct
 
     def read_with_jacobian(
         self, x: FloatArray, at: int, discrete: Mapping[str, float], action: FloatArray
@@ -217,16 +302,38 @@ class Prediction:
             deviation: standard deviations by name; a tenth of the size for those that are left out.
         """
         nominal = Env(self.model, normalize=False)
-        nominal.reset(seed=0, options={"start": "nominal"})
-        mean = np.concatenate([nominal.state, [nominal.parameters[name] for name in self.parameters]])
+        nominal.reset(seed=0, options={"start": "nominal", "parameters": self._known()})
+        carried = [nominal.parameters[name] for name in self.parameters]
+        mean = np.concatenate([nominal.state, carried, self.disturbances.start()])
         spread = 0.1 * self.scale
+        for i, name in enumerate(self.parameters, self.states):
+            spread[i] = self._deviations.get(name, spread[i])
+        spread[self._tail :] = self.disturbances.spread_at_start(env.steps == 0)
         if isinstance(initial, Mapping):
             self._put(mean, "initial", initial)
         elif initial is not None:
-            mean[: self.states] = np.asarray(initial, dtype=np.float64)
+            mean[: self.states] = as_finite("initial", initial, self.states)
         if deviation is not None:
             self._put(spread, "deviation", deviation)
         return mean, np.diag(spread**2)
+
+    def check_start(self, initial: Any, deviation: Any, least: str) -> None:
+        """Refuse a start that cannot be right.
+
+        Args:
+            initial, deviation: as for `start`.
+            least: `positive`, or `not negative`: what deviations may be.
+
+        Raises:
+            ValueError: unknown names, values that are not finite, or deviations that are not what they may be.
+        """
+        if isinstance(initial, Mapping):
+            self._put(np.zeros(len(self.names)), "initial", initial)
+        elif initial is not None:
+            as_finite("initial", initial, self.states)
+        self._put(np.zeros(len(self.names)), "deviation", as_mapping("deviation", deviation))
+        for name, value in as_mapping("deviation", deviation).items():
+            as_deviation(f"deviation[{name!r}]", value, least)
 
     def clipped(self, x: FloatArray) -> FloatArray:
         """A point inside of the bounds that the model declares."""
@@ -236,22 +343,34 @@ class Prediction:
         for name, value in given.items():
             if name not in self.names:
                 raise ValueError(f"{what}: unknown {name!r}; there are: {', '.join(self.names)}")
-            vector[self.names.index(name)] = as_number(f"{what}[{name!r}]", value)
+            vector[self.names.index(name)] = as_finite_number(f"{what}[{name!r}]", value)
 
-    def _rollout(self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]) -> Any:
+    def _known(self) -> dict[str, float]:
+        """Given values of parameters."""
+        return {name: value for name, value in self.fixed.items() if name in self.model.parameter_names}
+
+    def _named(self, points: FloatArray) -> dict[str, FloatArray]:
+        """Estimated parameters of points by name."""
+        return {name: points[:, self.states + i] for i, name in enumerate(self.parameters)}
+
+    def _rollout(
+        self, points: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], disturbed: FloatArray
+    ) -> Any:
         inside = self.clipped(points)
-        given: dict[str, Any] = {name: inside[:, self.states + i] for i, name in enumerate(self.parameters)}
+        given: dict[str, Any] = dict(self._named(inside))
+        names = self.disturbances.names[: self.disturbances.moving]
         found = rollout(
             self.model,
             inside[:, : self.states],
             action[None, None, :].repeat(len(points), axis=0),
             parameters={**self.fixed, **given},
             discrete=discrete,
+            disturbances={name: disturbed[:, i : i + 1] for i, name in enumerate(names)},
             first_step=at,
             max_steps=self.limit,
             threads=1 if points.size < _LARGE else None,
         )
-        bad = [i for i, failure in enumerate(found.failure) if failure.startswith(("start", "solver"))]
+        bad = [i for i, kind in enumerate(found.failure_kind) if kind in ("start", "solver", "events", "not_finite")]
         if bad:
             raise ValueError(f"the prediction of the estimator failed at step {at}: {found.failure[bad[0]]}")
         return found
@@ -277,12 +396,25 @@ class Prediction:
         low, high = self.model.native.bounds("state")
         places = [self.model.parameter_names.index(name) for name in self.parameters]
         least, most = self.model.native.bounds("parameter")
-        return np.concatenate([low, least[places]]), np.concatenate([high, most[places]])
+        known = self.disturbances
+        return np.concatenate([low, least[places], known.low]), np.concatenate([high, most[places], known.high])
 
 
 def _slopes(found: FloatArray, width: FloatArray) -> FloatArray:
     """Derivative (of, x) from values (2 x, of) beside a point."""
     return ((found[len(width) :] - found[: len(width)]) / width[:, None]).T
+
+
+def as_deviation(name: str, value: Any, least: str = "not negative") -> float:
+    """A standard deviation.
+
+    Raises:
+        ValueError: it is not a finite number that is `positive`, or `not negative`.
+    """
+    number = as_number(name, value)
+    if not (np.isfinite(number) and (number > 0 or (number == 0 and least != "positive"))):
+        raise ValueError(f"{name} is {value!r}, expected a finite deviation that is {least}")
+    return number
 
 
 def discrete_of(env: Env) -> dict[str, float]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
-from smpl.controllers.base import TakesWrapped
+from smpl._arguments import FloatArray, as_count, as_number
+from smpl.controllers.base import TakesWrapped, require_reset
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
 from smpl.model import Model
@@ -27,6 +27,74 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Innovation:
+    """Readings of a step against their prediction.
+
+    Attributes:
+        sensors: numbers of the sensors.
+        values: readings less predicted ones.
+        covariance: of these, as the filter expects it.
+    """
+
+    sensors: tuple[int, ...] = ()
+    values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def square(self) -> float:
+        """Normalised innovation squared."""
+        return float(self.values @ np.linalg.solve(self.covariance, self.values)) if self.sensors else 0.0
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """A sum of squares over their expected deviations, against the chi-squared distribution that it should have.
+
+    Attributes:
+        square: the sum.
+        degrees: its degrees of freedom, which are its expected value.
+        low, high: ends of the band that holds it with the probability that was asked for.
+    """
+
+    square: float
+    degrees: int
+    low: float
+    high: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the sum is within the band."""
+        return self.low <= self.square <= self.high
+
+    def __str__(self) -> str:
+        said = "consistent" if self.holds else "overconfident" if self.square > self.high else "too cautious"
+        return f"{said}: {self.square:.4g} of {self.degrees} degrees of freedom, band {self.low:.4g} to {self.high:.4g}"
+
+
+def consistency(square: float, degrees: int, level: float = 0.95) -> Consistency:
+    """Compare a sum of normalised squares with its chi-squared distribution.
+
+    Args:
+        square: for example a sum of `nis`, or of squared estimation errors over their covariances.
+        degrees: degrees of freedom: number of the readings, or of the states, over all steps.
+        level: probability of the band, half of the rest on either side.
+
+    Raises:
+        ValueError: no degrees of freedom, or a level that is not between 0 and 1.
+        ImportError: SciPy is missing.
+    """
+    count, share = as_count("degrees", degrees), as_number("level", level)
+    if not 0 < share < 1:
+        raise ValueError(f"level is {level!r}, expected a probability between 0 and 1")
+    try:
+        from scipy.stats import chi2
+    except ImportError as error:
+        raise ImportError("the chi-squared distribution needs SciPy: pip install scipy") from error
+    low, high = chi2.ppf([(1 - share) / 2, (1 + share) / 2], count)
+    return Consistency(as_number("square", square), count, float(low), float(high))
+
+
 class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
     """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
 
@@ -42,10 +110,14 @@ class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
         parameters: parameters to estimate with the states: name -> standard deviation of their drift in a step.
         noise: standard deviations of the readings by name, in place of the declared ones.
         p: values of parameters of the model that predicts.
+        disturbances: names of declared disturbances that are estimated with the states, by their rules; if none, all
+            that are random or go on from their own values. Drawn parameters of their rules are estimated too.
 
     Attributes:
         covariance: of the estimate.
         innovation: last readings less predicted ones by name, physical units.
+        innovation_covariance: of these, in their order.
+        nis: normalised innovation squared of the last readings; its expected value is their number.
         derivatives: `exact`, or in how many steps of the episode they were differences, and why.
     """
 
@@ -59,15 +131,45 @@ class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
         parameters: Mapping[str, float] | None = None,
         noise: Mapping[str, float] | None = None,
         p: Mapping[str, float] | None = None,
+        disturbances: Iterable[str] | None = None,
     ) -> None:
         self.model = model if isinstance(model, Model) else model.model
-        self.prediction = Prediction(self.model, parameters, process_noise, noise)
-        self.prediction.fixed = dict(p or {})
+        self.prediction = Prediction(self.model, parameters, process_noise, noise, p, disturbances)
+        self.prediction.check_start(initial, deviation, "not negative")
         self.prediction.check_readings()
         self.sees = self.model.level
         self._initial, self._deviation = initial, deviation
         self._past: list[_Instant] = []
-        self.innovation: dict[str, float] = {}
+        self._innovations: dict[int, Innovation] = {}
+        self._last = Innovation()
+
+    @property
+    def innovation(self) -> dict[str, float]:
+        """Last readings less predicted ones by name."""
+        names = self.model.observation_names
+        return {names[one]: float(value) for one, value in zip(self._last.sensors, self._last.values, strict=True)}
+
+    @property
+    def innovation_covariance(self) -> FloatArray:
+        """Covariance of the last innovation, in the order of `innovation`."""
+        return self._last.covariance
+
+    @property
+    def nis(self) -> float:
+        """Normalised innovation squared of the last readings, 0 without any."""
+        return self._last.square
+
+    def consistency(self, level: float = 0.95) -> Consistency:
+        """Normalised innovations squared of the episode, summed, against their chi-squared distribution.
+
+        A sum above its band means that the filter trusts itself too much: raise `process_noise`, `deviation` or
+        `noise`, or estimate what the model has wrong.
+
+        Raises:
+            ValueError: there were no readings.
+        """
+        found = self._innovations.values()
+        return consistency(sum(one.square for one in found), sum(len(one.sensors) for one in found), level)
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -89,10 +191,16 @@ class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
         self.prediction.begin(env)
         mean, covariance = self.prediction.start(env, self._initial, self._deviation)
         self._past = [_Instant(env.steps, mean, covariance, discrete_of(env))]
+        self._innovations, self._last = {}, Innovation()
         self._updated = -1
 
     def update(self, env: Env) -> FloatArray:
-        """The estimated states, from all that was read up to now."""
+        """The estimated states, from all that was read up to now.
+
+        Raises:
+            SimulationError: `reset` comes first.
+        """
+        require_reset(self, "update")
         if env.steps == self._updated:
             return self._past[-1].mean[: self.prediction.states].copy()
         if env.steps > self._past[-1].step:
@@ -122,12 +230,11 @@ class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
             instant = self._past[place]
             if place > 0:
                 instant.mean, instant.covariance = self._predicted(self._past[place - 1])
-            instant.mean, instant.covariance, found = correct(
+            instant.mean, instant.covariance, self._last = correct(
                 self.prediction, instant.mean, instant.covariance, instant.readings, instant.step, instant.discrete,
                 self._any_action(instant),
             )  # fmt: skip
-            names = self.model.observation_names
-            self.innovation = {names[sensor]: value for sensor, value in found.items()}
+            self._innovations[instant.step] = self._last
 
     def _predicted(self, before: _Instant) -> tuple[FloatArray, FloatArray]:
         assert before.action is not None, "an instant that has a next one has an action"
@@ -147,8 +254,8 @@ def predict(
     discrete: Mapping[str, float],
 ) -> tuple[FloatArray, FloatArray]:
     """Mean and covariance a step later."""
-    later, F = prediction.transition(mean, action, step, discrete)
-    return prediction.clipped(later), F @ covariance @ F.T + np.diag(prediction.process**2)
+    later, F, added = prediction.transition(mean, action, step, discrete)
+    return prediction.clipped(later), F @ covariance @ F.T + added
 
 
 def correct(
@@ -159,17 +266,18 @@ def correct(
     step: int,
     discrete: Mapping[str, float],
     action: FloatArray,
-) -> tuple[FloatArray, FloatArray, dict[int, float]]:
-    """Mean and covariance after readings of that step, sensor -> value; and the innovations."""
+) -> tuple[FloatArray, FloatArray, Innovation]:
+    """Mean and covariance after readings of that step, sensor -> value; and the innovation."""
     usable = [sensor for sensor, value in readings.items() if np.isfinite(value)]
     if not usable:
-        return mean, covariance, {}
+        return mean, covariance, Innovation()
     expected, H = prediction.read_with_jacobian(mean, step, discrete, action)
     H = H[usable]
     innovation = np.array([readings[sensor] for sensor in usable]) - expected[usable]
     R = np.diag(prediction.noise[usable] ** 2)
-    gain = np.linalg.solve(H @ covariance @ H.T + R, H @ covariance).T
+    expected_covariance = H @ covariance @ H.T + R
+    gain = np.linalg.solve(expected_covariance, H @ covariance).T
     keep = np.eye(len(mean)) - gain @ H
-    found: dict[int, float] = dict(zip(usable, innovation.tolist(), strict=True))
+    found = Innovation(tuple(usable), innovation, expected_covariance)
     after: Any = keep @ covariance @ keep.T + gain @ R @ gain.T
     return prediction.clipped(mean + gain @ innovation), (after + after.T) / 2, found

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
+from smpl._arguments import FloatArray, check_once
+from smpl._optional import load
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import listing, operating_point, weights
 from smpl.envs import Env
@@ -147,7 +148,9 @@ class LQR(TakesWrapped):
     def _integrators(self, given: Any) -> list[tuple[FloatArray, FloatArray, float | None]]:
         C, D = self.system[2], self.system[3]
         names, units = self.model.observation_names, self.model.observation_units
-        wanted: dict[str, float | None] = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given)
+        chosen = [given] if isinstance(given, str) else list(given)
+        check_once("integral", chosen)
+        wanted: dict[str, float | None] = dict(given) if isinstance(given, Mapping) else dict.fromkeys(chosen)
         wrong = [name for name in wanted if name not in names]
         if wrong:
             raise ValueError(f"integral: unknown {', '.join(map(repr, wrong))}; there are: {listing(names, units)}")
@@ -279,8 +282,4 @@ def _scale(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _linalg() -> Any:
-    try:
-        import scipy.linalg
-    except ImportError as error:
-        raise ImportError("linear control needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.linalg
+    return load("scipy.linalg", "linear control")

@@ -6,18 +6,24 @@ steps of the window are unknowns (multiple shooting), the optimiser is SciPy's t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from smpl._arguments import FloatArray, as_count
-from smpl.controllers.base import TakesWrapped
+from smpl._clock import Clock, as_seconds
+from smpl._optional import load
+from smpl.controllers.base import TakesWrapped, require_reset
 from smpl.controllers.estimation import Prediction, discrete_of
-from smpl.controllers.kalman import correct, predict
+from smpl.controllers.kalman import Consistency, consistency, correct, predict
 from smpl.envs import Env
 from smpl.model import Model
+
+# Deviation of a certain value, in parts of its size.
+_CERTAIN = 1e-7
 
 
 @dataclass
@@ -31,6 +37,24 @@ class _Instant:
     readings: dict[int, float] = field(default_factory=dict)
 
 
+class _TimeUpError(Exception):
+    """The budget of an update is used up."""
+
+
+@dataclass
+class _Best:
+    """The point of the least squares so far."""
+
+    point: FloatArray | None = None
+    cost: float = np.inf
+
+    def take(self, point: FloatArray, residual: FloatArray) -> None:
+        """Keep a point if it costs less."""
+        cost = float(residual @ residual)
+        if cost < self.cost:
+            self.point, self.cost = point.copy(), cost
+
+
 class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
     """Least squares over a window of steps, within the bounds that the model declares.
 
@@ -41,11 +65,18 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
     Args:
         model: a model, or an environment; its observation level is what is read.
         horizon: length of the window in steps.
-        initial, deviation, process_noise, parameters, noise, p: as for `ExtendedKalmanFilter`.
+        initial, deviation, process_noise, parameters, noise, p, disturbances: as for `ExtendedKalmanFilter`, but that
+            deviations must be positive.
         iterations: limit of the optimiser's evaluations; what it has reached then is taken.
+        budget: seconds of an update after which the optimiser stops, and the best estimate that it has reached is
+            taken; no limit if None.
 
     Attributes:
-        failures: how often the optimiser failed, so that the prediction was taken.
+        failures: how often the optimiser failed, so that the prediction was taken; the first time warns.
+        unfinished: how often the budget ended the optimiser.
+        last_status: reason of the last failure or of the last end by the budget.
+        square: sum of the weighted squares over the window; with the noises that there are its expected value is the
+            number of the readings in the window, `degrees`.
         derivatives: as of `ExtendedKalmanFilter`.
     """
 
@@ -61,15 +92,19 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         noise: Mapping[str, float] | None = None,
         p: Mapping[str, float] | None = None,
         iterations: int = 6,
+        budget: float | None = None,
+        disturbances: Iterable[str] | None = None,
     ) -> None:
         self.model = model if isinstance(model, Model) else model.model
-        self.prediction = Prediction(self.model, parameters, process_noise, noise)
-        self.prediction.fixed = dict(p or {})
+        self.prediction = Prediction(self.model, parameters, process_noise, noise, p, disturbances)
+        self.prediction.check_start(initial, deviation, "positive")
         self.prediction.check_readings()
         longest = self.prediction.sensors.longest
         self.horizon = as_count("horizon", horizon, longest + 1, f"an integer above the longest delay, {longest}")
         self.sees = self.model.level
-        self.failures = 0
+        self.failures, self.unfinished, self.square, self.degrees = 0, 0, 0.0, 0
+        self.last_status = ""
+        self._budget = None if budget is None else as_seconds("budget", budget)
         self._iterations = as_count("iterations", iterations)
         self._initial, self._deviation = initial, deviation
         self._window: list[_Instant] = []
@@ -78,6 +113,14 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
     def estimate(self) -> dict[str, float]:
         """Estimated states and parameters by name."""
         return dict(zip(self.prediction.names, self._window[-1].point.tolist(), strict=True))
+
+    def consistency(self, level: float = 0.95) -> Consistency:
+        """Weighted squares of the window against the chi-squared distribution that they should have.
+
+        Raises:
+            ValueError: there were no readings.
+        """
+        return consistency(self.square, self.degrees, level)
 
     @property
     def derivatives(self) -> str:
@@ -89,9 +132,15 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         self.prediction.begin(env)
         self._mean, self._covariance = self.prediction.start(env, self._initial, self._deviation)
         self._window, self._updated = [], -1
+        self.square, self.degrees = 0.0, 0
 
     def update(self, env: Env) -> FloatArray:
-        """The estimated states, from all that was read up to now."""
+        """The estimated states, from all that was read up to now.
+
+        Raises:
+            SimulationError: `reset` comes first.
+        """
+        require_reset(self, "update")
         if env.steps != self._updated:
             self._advance(env)
             self._solve()
@@ -130,12 +179,16 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
         guess = np.clip(np.concatenate([one.point for one in self._window]), low + margin, high - margin)
         # SciPy asks for residual and Jacobian at the same point one after the other: both come from the same rollouts.
         known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        clock, best = Clock(self._budget), _Best()
 
         def both(z: FloatArray) -> tuple[FloatArray, FloatArray]:
             key = z.tobytes()
             if key not in known:
+                if clock.over() and best.point is not None:
+                    raise _TimeUpError
                 known.clear()
                 known[key] = self._residual(z)
+                best.take(z, known[key][0])
             return known[key]
 
         try:
@@ -151,27 +204,41 @@ class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
                 ftol=1e-5,
                 gtol=1e-5,
             )
-        except (ValueError, np.linalg.LinAlgError):
+            points, square = found.x, 2 * float(found.cost)
+        except _TimeUpError:
+            self.unfinished += 1
+            self.last_status = f"the budget of {self._budget:g} s ended the optimiser"
+            points, square = (guess, np.inf) if best.point is None else (best.point, best.cost)
+        except (ValueError, np.linalg.LinAlgError) as error:
             self.failures += 1
+            self.last_status = str(error).splitlines()[0] if str(error) else type(error).__name__
+            if self.failures == 1:
+                warnings.warn(f"the estimator failed, and its prediction is taken: {error}", stacklevel=4)
             return
-        for one, point in zip(self._window, found.x.reshape(len(self._window), -1), strict=True):
+        self.square = square
+        self.degrees = sum(np.isfinite(value) for one in self._window for value in one.readings.values())
+        for one, point in zip(self._window, points.reshape(len(self._window), -1), strict=True):
             one.point = point
+
+    def _whitening(self, covariance: FloatArray) -> FloatArray:
+        """Factor W with W'W the inverse of a covariance; certain values have a small deviation."""
+        floor = _CERTAIN * self.prediction.scale
+        return np.linalg.inv(np.linalg.cholesky(covariance + np.diag(floor**2)))
 
     def _residual(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted residuals and their derivative at the states of all steps."""
         size, count = len(self.prediction.names), len(self._window)
         points = z.reshape(count, size)
-        inverse = np.linalg.inv(np.linalg.cholesky(self._covariance))
+        inverse = self._whitening(self._covariance)
         values, rows = [inverse @ (points[0] - self._mean)], [_placed(inverse, 0, count)]
         for place, one in enumerate(self._window):
             now = one.action, one.step, one.discrete
             if place + 1 < count:
-                later, F, expected, H = self.prediction.linearized(points[place], *now)
-                weight = 1 / self.prediction.process
-                values.append(weight * (points[place + 1] - later))
-                rows.append(_placed(-weight[:, None] * F, place, count) + _placed(np.diag(weight), place + 1, count))
-            else:
-                expected, H = self.prediction.read_with_jacobian(points[place], one.step, one.discrete, one.action)
+                later, F, added = self.prediction.transition(points[place], *now)
+                W = self._whitening(added)
+                values.append(W @ (points[place + 1] - later))
+                rows.append(_placed(-W @ F, place, count) + _placed(W, place + 1, count))
+            expected, H = self.prediction.read_with_jacobian(points[place], one.step, one.discrete, one.action)
             usable = [sensor for sensor, value in one.readings.items() if np.isfinite(value)]
             weight = 1 / self.prediction.noise[usable]
             read = np.array([one.readings[sensor] for sensor in usable])
@@ -189,8 +256,4 @@ def _placed(block: FloatArray, place: int, count: int) -> FloatArray:
 
 
 def _optimize() -> Any:
-    try:
-        import scipy.optimize
-    except ImportError as error:
-        raise ImportError("moving-horizon estimation needs SciPy: pip install 'smpl[scipy]'") from error
-    return scipy.optimize
+    return load("scipy.optimize", "moving-horizon estimation")

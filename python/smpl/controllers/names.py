@@ -108,6 +108,43 @@ def operating_point(
     return model.steady_state(action, p), action
 
 
+# Most states of a model that is linearised only to look at a sign.
+_MOST_STATES = 200
+
+
+def slow_gain(model: Model, action: int, measurement: Measured) -> float:
+    """Change of a measurement by a slow change of an action, per unit, at the model's steady state.
+
+    It is the real gain at a frequency far below the poles, large where the process integrates. 0 where the model has no
+    steady state, where that is unstable, so that the sign of a loop does not follow from it, and for large models.
+    """
+    n = len(model.state_names)
+    if n > _MOST_STATES:
+        return 0.0
+    try:
+        A, B, C, D = model.linearize(*operating_point(model))
+    except (SimulationError, ValueError):
+        return 0.0
+    row = np.eye(n)[measurement.index] if measurement.of_state else C[measurement.index]
+    direct = 0.0 if measurement.of_state else float(D[measurement.index, action])
+    poles = np.linalg.eigvals(A)
+    if not np.isfinite(poles).all():
+        return 0.0
+    size = np.abs(poles).max(initial=0.0) or 1.0
+    if (poles.real > 1e-9 * size).any():
+        return 0.0
+    slow = 1e-6 * min(size, *(np.abs(poles[np.abs(poles) > 1e-9 * size])), 1 / model.step)
+    try:
+        found = float(row @ np.linalg.solve(slow * np.eye(n) - A, B[:, action])) + direct
+    except np.linalg.LinAlgError:
+        return 0.0
+    # Rounding of the sums is not a gain.
+    scale = float(
+        np.abs(row) @ np.abs(np.linalg.solve(slow * np.eye(n) - A, np.diag(np.abs(B[:, action])))).sum(axis=1)
+    )
+    return found if abs(found) > 1e-9 * (scale + abs(direct)) else 0.0
+
+
 def listing(names: Iterable[str], units: Iterable[str], most: int = 40) -> str:
     """Names with their units."""
     shown = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]

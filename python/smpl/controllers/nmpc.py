@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from smpl._arguments import FloatArray, as_count, as_mapping, as_number
+from smpl._clock import as_seconds
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.collocation import NODES, Limit, Task, Transcription
 from smpl.controllers.names import listing, operating_action
 from smpl.controllers.nmpc_given import Given
 from smpl.controllers.nmpc_model import Expressions
+from smpl.controllers.nmpc_objective import Cost, Objective, by_action, row_sizes
+from smpl.controllers.nmpc_plugins import Settings
 from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.controllers.nmpc_starts import Finer
 from smpl.envs import Env
 from smpl.model import Model
 
-Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
 Bounds = Mapping[str, tuple[float | None, float | None]]
 # Further first guesses for an economic cost.
 _STARTS = 3
@@ -75,6 +77,7 @@ class NMPC(TakesWrapped, of_arguments=True):
         iterations: limit of the solver; its own if None.
         budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations,
             else the last plan goes on.
+        time_limit: seconds after which the solvers of a decision stop, whatever they are; a fallback counts.
         starts: further first guesses where there is no last plan, of sixty simulated ones; the cheapest of what they
             lead to counts. If None, 3, or 0 with a budget or where the cost is a sum of squares.
         nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
@@ -90,6 +93,7 @@ class NMPC(TakesWrapped, of_arguments=True):
             than to go on and keeps what must hold: kinks of the model do that.
         times: seconds of each decision.
         plan, predicted: the actions (H, actions chosen) and states (H + 1, states) of the last solution.
+        last_status: results of the solvers that the last decision called, in their order: `fatrop: solved`.
         conflicts: bounds that could not be held in the last decision.
         disturbance: estimated change of each state in a step.
         error: of the prediction of the episode's first plan: how far the states are at most off what four times as many
@@ -130,6 +134,7 @@ class NMPC(TakesWrapped, of_arguments=True):
         solver: str = "auto",
         iterations: int | None = None,
         budget: float | None = None,
+        time_limit: float = 60.0,
         starts: int | None = None,
         nodes: str = "radau",
         degree: int = 3,
@@ -146,15 +151,14 @@ class NMPC(TakesWrapped, of_arguments=True):
         _one_of("nodes", nodes, NODES)
         self._expressions = Expressions(self.model, part, smooth)
         self.action_names = self._choose_actions(actions)
-        objective = _Objective(self._expressions, self.action_names, cost, terminal, rate_weight, integrate)
+        objective = Objective(self._expressions, self.action_names, cost, terminal, rate_weight, integrate)
         limits = self._limits(bounds, tuple(hard), declared, margin, as_number("soft_weight", soft_weight))
         self._given = Given(self._expressions, self.horizon, p, forecast, set_point, objective.targets)
         self._offset_free, self._filter = bool(offset_free), as_number("filter", filter)
         task = self._task(objective, limits, hold, rate_limit, rate_weight, bool(shrinking))
         task.integrate, task.kind, task.degree = bool(integrate), nodes, as_count("degree", degree)
         task.elements, task.path = as_count("elements", elements), bool(path)
-        if budget is not None and not as_number("budget", budget) > 0:
-            raise ValueError(f"budget is {budget}, expected seconds above 0")
+        budget = None if budget is None else as_seconds("budget", budget)
         if budget is not None and solver not in ("auto", "ipopt"):
             raise ValueError(f"budget is kept by IPOPT alone: give solver='ipopt', or iterations= to limit {solver}")
         if budget is not None and starts:
@@ -163,7 +167,9 @@ class NMPC(TakesWrapped, of_arguments=True):
         if starts is None:
             starts = 0 if objective.convex or budget is not None else _STARTS
         starts = as_count("starts", starts, 0, "a number of first guesses, 0 or more")
-        self._solver = Solver(Transcription(task), solver, tolerance, iterations, budget, starts)
+        limits_of_solver = None if iterations is None else as_count("iterations", iterations)
+        settings = Settings(solver, as_number("tolerance", tolerance), limits_of_solver, budget)
+        self._solver = Solver(Transcription(task), settings, starts, as_seconds("time_limit", time_limit))
         self._finer: Finer | None = None
         # What was stopped early is no solution of the equations yet.
         self._comparing = budget is None and iterations is None
@@ -172,6 +178,7 @@ class NMPC(TakesWrapped, of_arguments=True):
         self.decisions = self.fallbacks = self.retries = self.unfinished = 0
         self.times: list[float] = []
         self.conflicts: list[str] = []
+        self.last_status = ""
         self.error = 0.0
         self.disturbance = np.zeros(len(self._expressions.state_names))
         self.plan, self.predicted = np.zeros((0, len(self.action_names))), np.zeros((0, 0))
@@ -270,13 +277,13 @@ class NMPC(TakesWrapped, of_arguments=True):
         return found
 
     def _task(
-        self, objective: _Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any, shrinking: bool
+        self, objective: Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any, shrinking: bool
     ) -> Task:
         e = self._expressions
         import casadi as ca
 
         free = _moves(hold, self.horizon)
-        rates = _by_action("rate_limit", rate_limit, self.model, self.action_names, np.inf)
+        rates = by_action("rate_limit", rate_limit, self.model, self.action_names, np.inf)
         everything = ca.vertcat(e.equations, objective.stage, objective.last, *(one.expression for one in limits))
         if e.integral.numel():
             everything = ca.vertcat(everything, e.call(e.export.integrals))
@@ -291,7 +298,7 @@ class NMPC(TakesWrapped, of_arguments=True):
             self._given.varying, free, rates, low[at], high[at],
             offset=self._offset_free,
             remembers=reads_before or not all(free) or bool(np.isfinite(rates).any()) or bool(rate_weight),
-            factor=objective.factor(self._given), convex=objective.convex,
+            factor=objective.factor(self._given), convex=objective.convex, rows=row_sizes(e, self._given),
         )  # fmt: skip
 
     # Decisions.
@@ -349,6 +356,7 @@ class NMPC(TakesWrapped, of_arguments=True):
         rest = self._operating[self._places]
         old = None if self._ahead is None else self._ahead.shifted()
         solution = self._solver.solve(given, old, self._given.guess, rest)
+        self.last_status = "; ".join(self._solver.statuses)
         if solution is not None and old is None and self._comparing:
             self._compare(given, solution)
         self.conflicts = []
@@ -399,85 +407,6 @@ class NMPC(TakesWrapped, of_arguments=True):
         return old
 
 
-class _Objective:
-    """The cost of an interval and of the last one, as expressions.
-
-    Attributes:
-        targets: names of what has a set-point.
-        convex: it is a sum of weighted squares.
-    """
-
-    def __init__(
-        self, e: Expressions, actions: tuple[str, ...], cost: Cost, terminal: Any, rate_weight: Any, integrate: bool
-    ) -> None:
-        import casadi as ca
-
-        self._e, self._ca = e, ca
-        self.targets: dict[str, Any] = {}
-        weights = dict(as_mapping("cost", cost)) if isinstance(cost, Mapping) else None
-        changes = _by_action("rate_weight", rate_weight, e.model, actions, 0.0)
-        at = [e.export.action_names.index(name) for name in actions]
-        move = sum(w * (e.u[i] - e.before[i]) ** 2 for w, i in zip(changes, at, strict=True) if w > 0)
-        self._weights, self.convex = weights or {}, weights is not None
-        if weights is not None:
-            self.stage = self._squares("cost", weights)
-        elif callable(cost):
-            self.stage = ca.SX(cost(e))
-        else:
-            self.stage = -e.reward(self._reward(cost))
-        end = self.stage
-        if terminal is not None and integrate:
-            raise ValueError("terminal weighs the end of the horizon, which a cost that is integrated does not have")
-        if terminal is not None:
-            by_action = {k: v for k, v in self._weights.items() if k in e.export.action_names}
-            squares = self._squares("terminal", {**by_action, **dict(as_mapping("terminal", terminal))})
-            end = squares if weights is not None else self.stage + squares
-        self.stage, self.last = self.stage + move, end + move
-
-    def factor(self, given: Given) -> float:
-        """What makes the steepest slope of the cost 10 in scaled variables, a tenth of their sizes off the guess."""
-        e, ca = self._e, self._ca
-        at = ca.vertcat(e.x, e.z, e.u)
-        sizes = np.concatenate([e.state_scale, e.algebraic_scale, e.action_scale])
-        others = [s for s in ca.symvar(ca.vertcat(self.stage, self.last)) if not _among(s, at)]
-        slope = ca.Function(
-            "slope", [at, ca.vertcat(*others)], [ca.gradient(self.stage, at), ca.gradient(self.last, at)]
-        )
-        guess = np.concatenate([*given.guess, e.export.action_nominal])
-        known = [given.nominal(symbol.name()) for symbol in others]
-        found = [np.abs(np.asarray(one).ravel() * sizes) for one in slope(guess + 0.1 * sizes, known)]
-        steepest = max((float(np.nanmax(one, initial=0.0)) for one in found), default=0.0)
-        return 10.0 / steepest if np.isfinite(steepest) and steepest > 0 else 1.0
-
-    def _reward(self, cost: Any) -> str:
-        e = self._e
-        if cost is not None and not isinstance(cost, str):
-            raise TypeError(f"cost is {type(cost).__name__}, expected the name of a reward, weights, or a function")
-        if cost is None and not e.export.reward_names:
-            raise ValueError(f"{e.model.name} declares no reward: give cost as weights by names, {e.listing()}")
-        return e.model.reward if cost is None else cost
-
-    def _squares(self, argument: str, weights: Mapping[str, Any]) -> Any:
-        value = self._ca.SX(0.0)
-        for name, given in weights.items():
-            weight = as_number(f"{argument}[{name!r}]", given)
-            if not (np.isfinite(weight) and weight >= 0):
-                raise ValueError(f"{argument}[{name!r}] is {weight}, expected a finite number that is not negative")
-            try:
-                quantity = self._e[name]
-            except ValueError as error:
-                raise ValueError(f"{argument}: {error}") from None
-            self.targets[name] = quantity
-            value += weight * (quantity - self._e.symbols([f"target:{name}"])) ** 2
-        return value
-
-
-def _among(symbol: Any, vector: Any) -> bool:
-    import casadi as ca
-
-    return bool(ca.depends_on(vector, symbol))
-
-
 def _pair(name: str, given: Any) -> tuple[float, float]:
     try:
         low, high = given
@@ -505,19 +434,6 @@ def _moves(hold: Any, horizon: int) -> list[bool]:
     if not kept:
         raise ValueError("hold is empty, expected the length of at least one move")
     return [k in kept for k in range(horizon)]
-
-
-def _by_action(argument: str, given: Any, model: Model, actions: tuple[str, ...], default: float) -> FloatArray:
-    wanted = as_mapping(argument, given)
-    wrong = [name for name in wanted if name not in actions]
-    if wrong:
-        units = dict(zip(model.action_names, model.action_units, strict=True))
-        known = listing(actions, [units[name] for name in actions])
-        raise ValueError(f"{argument}: unknown {', '.join(map(repr, wrong))}; there are: {known}")
-    found = np.array([as_number(f"{argument}[{name!r}]", wanted.get(name, default)) for name in actions])
-    if not (found >= 0).all():
-        raise ValueError(f"{argument}: {dict(wanted)}, expected numbers that are not negative")
-    return found
 
 
 def _one_of(argument: str, value: str, known: tuple[str, ...]) -> None:

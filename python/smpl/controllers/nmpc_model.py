@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 from smpl.controllers.names import listing
+from smpl.controllers.nmpc_elimination import eliminate
 from smpl.export.modules import CasadiModel, casadi
 from smpl.export.parts import chosen
 from smpl.model import Model
@@ -32,7 +34,9 @@ class Expressions(Mapping[str, Any]):
 
     Attributes:
         state_names, state_scale, state_low, state_high: of the part; the scales are positive and finite.
-        algebraic_names, algebraic_scale, algebraic_nominal: of what is solved for with the states; none with a part.
+        algebraic_names, algebraic_scale, algebraic_nominal: algebraic variables that are unknowns of the collocation;
+            those that the equations define explicitly are expressions. None with a part.
+        equations: rates of the states `explicit` (indices of the part), then the residuals of the other equations.
         x, z, u, start, before, integral, time: symbols: states, algebraic variables and all actions at a point; the
             states at the start of the interval, the action before it, integrals over it, the time.
 
@@ -43,10 +47,7 @@ class Expressions(Mapping[str, Any]):
 
     def __init__(self, model: Model, part: Iterable[str] | None = None, smooth: float = 0.0) -> None:
         self.model = model
-        try:
-            import casadi as ca
-        except ImportError as error:
-            raise ImportError("predictive control needs CasADi: pip install 'smpl[mpc]'") from error
+        ca = load("casadi", "predictive control")
         self.export: CasadiModel = casadi(model, "SX", smooth)
 
         self._ca = ca
@@ -55,12 +56,9 @@ class Expressions(Mapping[str, Any]):
         self.state_names = tuple(e.state_names[i] for i in at)
         self.state_low, self.state_high = e.state_low[at], e.state_high[at]
         self.state_scale = _sizes(e.state_scale[at], e.state_nominal[at])
-        self.algebraic_names = e.algebraic_names if part is None else ()
-        self.algebraic_nominal = e.algebraic_nominal if part is None else np.zeros(0)
-        self.algebraic_scale = _sizes(np.abs(self.algebraic_nominal), self.algebraic_nominal)
         self.action_scale = _sizes(e.action_scale, e.action_nominal)
         self._symbols: dict[str, Any] = {}
-        self.x, self.z = self._vector("x", self.state_names), self._vector("z", self.algebraic_names)
+        self.x = self._vector("x", self.state_names)
         self.u, self.start = self._vector("u", e.action_names), self._vector("start", self.state_names)
         self.before = self._vector("before", e.action_names)
         self.dx = self._vector("dx", self.state_names)
@@ -73,7 +71,14 @@ class Expressions(Mapping[str, Any]):
             "p": ca.vertcat(*(self._element(name) for name in e.parameter_names)),
             "c": ca.vertcat(*(self._element(name) for name in e.context_names)),
         }
-        self.equations, self.explicit = self._dynamics(at, part is not None)
+        if part is not None:
+            self.equations, self.explicit, kept = self._rates_of(at), list(range(len(at))), list[int]()
+        else:
+            self.equations, self.explicit, kept = self._dynamics()
+        self.algebraic_names = tuple(e.algebraic_names[i] for i in kept)
+        self.algebraic_nominal = e.algebraic_nominal[kept]
+        self.algebraic_scale = _sizes(np.abs(self.algebraic_nominal), self.algebraic_nominal)
+        self.z = self._vector("z", self.algebraic_names)
         self._refuse_jumps(at)
         self._quantities = self._named_quantities()
 
@@ -235,16 +240,35 @@ class Expressions(Mapping[str, Any]):
             return self._symbol(f"before:{what}")
         return self._symbol(f"{when}:{what}")
 
-    def _dynamics(self, at: list[int], is_part: bool) -> tuple[Any, bool]:
-        """Rates of the part and algebraic equations, or the residual; whether it is the former."""
+    def _rates_of(self, at: list[int]) -> Any:
         e = self.export
-        if e.dae is not None:
-            rates, algebraic = self.call(e.dae)
-            return self._ca.vertcat(rates[at], algebraic if not is_part else self._ca.SX(0, 1)), True
-        if is_part:
+        if e.dae is None:
             raise ValueError(f"{e.name} is not explicit in its rates: its states have none of their own")
-        self._vectors["dx"] = self.dx
-        return self.call(e.residual), False
+        return self.call(e.dae)[0][at]
+
+    def _dynamics(self) -> tuple[Any, list[int], list[int]]:
+        """Equations, the states whose rates they give, and the algebraic variables that are left.
+
+        Solved algebraic variables are replaced by their expressions wherever they are read.
+        """
+        e, ca = self.export, self._ca
+        z = self._vectors["z"]
+        if e.dae is not None:
+            rates, residual = self.call(e.dae)
+            unknowns, own = z, 0
+        else:
+            self._vectors["dx"] = self.dx
+            residual = self.call(e.residual)
+            rates, unknowns, own = self.dx, ca.vertcat(self.dx, z), len(self.state_names)
+        found = eliminate(residual, unknowns, own)
+        before, after = [unknowns[i] for i in found.solved], list(found.solved.values())
+        explicit = [i for i in range(len(self.state_names)) if not own or i in found.solved]
+        kept = [i for i in range(len(e.algebraic_names)) if own + i not in found.solved]
+        # An empty list of indices takes an element of a scalar.
+        equations = ca.vertcat(ca.SX(0, 1), *(rates[i] for i in explicit), *(residual[i] for i in found.rows))
+        if before:
+            equations, self._vectors["z"] = ca.substitute([equations, z], [ca.vertcat(*before)], [ca.vertcat(*after)])
+        return equations, explicit, kept
 
     def _refuse_jumps(self, at: list[int]) -> None:
         """States that are reset at sampling instants have no smooth prediction."""
@@ -271,7 +295,7 @@ class Expressions(Mapping[str, Any]):
                 found.setdefault(name, lambda i=i: values()[i])  # type: ignore[misc]
 
         vector(self.state_names, lambda: self.x)
-        vector(self.algebraic_names, lambda: self.z)
+        vector(e.algebraic_names, lambda: self._vectors["z"])
         vector(e.action_names, lambda: self.u)
         vector(e.state_names, lambda: self._vectors["x"])
         if e.outputs is not None:

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_number
+from smpl._arguments import FloatArray
 from smpl.controllers.collocation import Programme, Transcription
+from smpl.controllers.nmpc_guess import Guesses
+from smpl.controllers.nmpc_plugins import WIDE, Settings, plugin
 from smpl.controllers.nmpc_starts import Simulation
+from smpl.controllers.nmpc_watch import Watched
 
 SOLVERS = ("auto", "fatrop", "ipopt", "sqp")
 # Above so many variables the sparse quadratic programmes of `sqp` take longer than fatrop.
 _SMALL = 1500
-# Above so many variables a stage IPOPT's sparse factorisation is faster than fatrop's dense blocks.
-_WIDE = 60
-# Changes of the active set after which a quadratic programme is given up.
-_CHANGES = 30
-# Iterations of `sqp` after which `auto` gives it up.
-_WARM = 6
 # A point that breaks no equation by more (in scaled variables) can be followed, whatever else it lacks.
 _FEASIBLE = 1e-5
-# Interior points that need more iterations go to and fro at a kink.
-_ENDLESS = 500
-# IPOPT's own limit of a decision where no budget is given, s of the processor: a busy machine decides the same.
-_LONGEST = 60.0
+# Seconds that the search for the least broken bounds has, whatever the solvers before it took.
+_LEAST = 0.5
+# Most decisions for which a solver that failed is left out.
+_LONGEST_PAUSE = 32
 
 
 @dataclass
@@ -89,40 +88,64 @@ def _shift(x: FloatArray, places: Any) -> None:
         x[places[:-1]] = x[places[1:]]
 
 
+# Name of a solver, first guess, and whether it retries what another one did not solve.
+Attempt = tuple[str, Callable[[], Solution | None], bool]
+
+
+class Pauses:
+    """Solvers that failed are left out for 1, 4, 16, ... decisions; each success halves the next pause."""
+
+    def __init__(self) -> None:
+        self._pause: dict[str, int] = {}
+        self._left: dict[str, int] = {}
+
+    def begin(self) -> None:
+        """Begin a decision."""
+        self._left = {key: left - 1 for key, left in self._left.items() if left > 1}
+
+    def ready(self, key: str) -> bool:
+        """Whether to try it in this decision."""
+        return key not in self._left
+
+    def failed(self, key: str) -> None:
+        """Leave it out of the next decisions."""
+        self._pause[key] = min(max(4 * self._pause.get(key, 0), 1), _LONGEST_PAUSE)
+        self._left[key] = self._pause[key] + 1
+
+    def succeeded(self, key: str) -> None:
+        """Trust it more."""
+        self._pause[key] = self._pause.get(key, 0) // 2
+
+
 class Solver:
     """Solves the programme of a task from a state.
 
     Args:
         transcription: of the task.
-        name: one of `SOLVERS`; `auto` is `sqp` for a small problem with a warm start, `ipopt` for stages of many
-            variables, else `fatrop`.
-        tolerance: of the solver.
-        iterations: its limit; its own if None.
-        budget: seconds a decision, or None.
+        settings: name of the solver, one of `SOLVERS`, and its limits; `auto` is `sqp` for a small problem with a warm
+            start, `ipopt` for stages of many variables, else `fatrop`.
         starts: further first guesses where there is no last plan.
+        limit: seconds of a decision, of all attempts together.
+
+    Attributes:
+        limit: as above.
+        statuses: results of the solvers that the last decision called, in their order.
     """
 
-    def __init__(
-        self,
-        transcription: Transcription,
-        name: str,
-        tolerance: float,
-        iterations: int | None,
-        budget: float | None,
-        starts: int = 0,
-    ) -> None:
-        self._transcription, self._name = transcription, name
-        self._tolerance = as_number("tolerance", tolerance)
-        self._iterations = None if iterations is None else as_count("iterations", iterations)
-        self._budget = budget
+    def __init__(self, transcription: Transcription, settings: Settings, starts: int = 0, limit: float = 60.0) -> None:
+        self._transcription, self._settings = transcription, settings
         self._programme = transcription.programme()
-        self._made: dict[str, Any] = {}
+        self._made: dict[str, Watched] = {}
         self._elastic: Solver | None = None
         self._simulation: Simulation | None = None
-        self._starts = starts
+        self._guesses: Guesses | None = None
+        self._starts, self.limit, self._deadline = starts, limit, np.inf
+        self._pauses = Pauses()
+        self.statuses: list[str] = []
 
     def prepare(self) -> None:
-        """Make the solvers, so that the first decision does not."""
+        """Make the solvers, so that the first decision does not; forget failures of the last episode."""
+        self._pauses = Pauses()
         for name in (*self._order(warm=True), *self._order(warm=False)):
             self._solver(name)
         if self._starts:
@@ -136,6 +159,12 @@ class Solver:
         if self._simulation is None:
             self._simulation = Simulation(self._transcription, self._programme)
         return self._simulation
+
+    def _guessed(self) -> Guesses:
+        if self._guesses is None:
+            solver = self._solver(self._order(warm=False)[0]).solver
+            self._guesses = Guesses(self._transcription, self._programme, solver)
+        return self._guesses
 
     def solve(
         self,
@@ -151,15 +180,23 @@ class Solver:
             old: the last plan, shifted, or None.
             rest: states and algebraic variables of the first guess.
             action: actions of the first guess.
+
+        Raises:
+            ValueError: the equations or the cost are not finite at the first guess, nor near it.
         """
+        self._deadline, self.statuses = time.perf_counter() + self.limit, []
+        self._pauses.begin()
         if not all(np.isfinite(part).all() for part in given):
+            self.statuses.append("the state or a given value is not finite")
             return None
-        first = self._guess(rest, action)
-        found = self._attempts(given, first if old is None else old, self._guess((given[0], rest[1]), action))
+        cold = [(rest, action), ((given[0], rest[1]), action)]
+        found = self._attempts(given, [] if old is None else [old], cold)
         if old is None and self._starts:
             name = self._order(warm=False)[0]
             others = self._simulated().best(given, action, self._parameters(given), self._starts)
-            found += [one for x in others if (one := self._run(name, given, replace(first, x=x))) is not None]
+            first = self._guess(rest, action)
+            finite = [x for one in others if (x := self._guessed().finite(one, self._parameters(given))) is not None]
+            found += [one for x in finite if (one := self._run(name, given, replace(first, x=x))) is not None]
         best = min(found, key=lambda one: one.cost, default=None)
         if best is not None and best.unfinished:
             # It has to be worth more than to go on.
@@ -168,19 +205,70 @@ class Solver:
             return best if going_on is None or best.cost < going_on.cost else None
         return best
 
-    def _attempts(self, given: tuple[Any, ...], first: Solution, again: Solution) -> list[Solution]:
-        """What one solver after another finds from a guess, until one is finished; IPOPT from another guess too."""
+    def _attempts(self, given: tuple[Any, ...], warm: list[Solution], cold: list[Any]) -> list[Solution]:
+        """Results of one solver after another, until one is finished; IPOPT and other guesses come last."""
         found: list[Solution] = []
-        retry = "ipopt" not in self._order(warm=False) and self._budget is None
-        attempts = [(name, first, False) for name in self._order(warm=first.actions.size > 0)]
-        attempts += [("ipopt", first, True), ("ipopt", again, True)] if retry else []
-        for name, guess, retried in attempts:
-            one = self._run(name, given, guess)
+        plan = self._plan(given, warm, cold)
+        for place, (name, guess, retried) in enumerate(plan):
+            key = f"{name} {place}"
+            if time.perf_counter() > self._deadline:
+                self.statuses.append("the time limit is reached")
+                break
+            if not self._pauses.ready(key) and place + 1 < len(plan):
+                continue
+            first = guess()
+            # What hangs leaves time to the others.
+            share = 1.0 if place + 1 == len(plan) else 0.5
+            one = None if first is None else self._run(name, given, first, share)
             if one is not None:
                 found.append(replace(one, retried=retried))
-                if not one.unfinished:
-                    break
+            if one is not None and not one.unfinished:
+                self._pauses.succeeded(key)
+                break
+            self._pauses.failed(key)
         return found
+
+    def _plan(self, given: tuple[Any, ...], warm: list[Solution], cold: list[Any]) -> list[Attempt]:
+        """Solvers, their first guesses, and whether they retry what another one did not solve.
+
+        Raises:
+            ValueError: there is no last plan, and the programme is not finite at any guess.
+        """
+        first = warm[0] if warm else self._cold(given, cold)
+        if first is None:
+            raise ValueError(
+                f"{self._guessed().reason(self._guess(*cold[0]).x, given)}: give the states bounds that exclude this "
+                "point, or write the equation so that it is finite there"
+            )
+        plan: list[Attempt] = [(name, lambda: first, False) for name in self._order(warm=bool(warm))]
+        if "ipopt" in self._order(warm=False) or self._settings.budget is not None:
+            return plan
+        actions = first.actions if warm else np.tile(cold[0][1], (self._transcription.task.horizon, 1))
+        plan.append(("ipopt", lambda: self._along(given, actions), True))
+        plan.append(("ipopt", lambda: self._cold(given, cold[::-1]), True))
+        return plan
+
+    def _cold(self, given: tuple[Any, ...], cold: list[Any]) -> Solution | None:
+        """The first of some guesses at which the programme is finite, or near which it is; None if there is none."""
+        p = self._parameters(given)
+        for one in cold:
+            guess = self._guess(*one)
+            x = self._guessed().finite(guess.x, p)
+            if x is not None:
+                return replace(guess, x=x)
+        return None
+
+    def _along(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
+        """What a plan leads to, as a first guess at which the equations hold; None where that is not known."""
+        p, along = self._parameters(given), self._simulated().follow(given, actions)
+        if not np.isfinite(along).all():
+            return None
+        self._simulated().complete(along, p)
+        x = self._guessed().finite(along, p)
+        if x is None:
+            return None
+        zeros = np.zeros(len(self._programme.g_lower))
+        return Solution(self._programme, x, np.zeros(len(x)), zeros, np.zeros((0, 0)), np.zeros((0, 0)))
 
     def _followed(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
         """A plan and what it leads to; None if that is not known or breaks what must hold."""
@@ -195,13 +283,14 @@ class Solver:
 
     def _order(self, *, warm: bool) -> list[str]:
         """Solvers that are tried; an active set is warm only after a solution."""
-        wide = max(self._programme.structure["nu"]) > _WIDE
-        if self._name == "ipopt" or (self._name == "auto" and wide):
+        name, convex = self._settings.name, self._transcription.task.convex
+        wide = max(self._programme.structure["nu"]) > WIDE
+        if name == "ipopt" or (name == "auto" and wide):
             # An economic optimum moves along its bounds, of which a warm start is too sure.
-            return ["ipopt_warm", "ipopt"] if warm and self._transcription.task.convex else ["ipopt"]
-        if self._name != "auto":
-            return [self._name]
-        small = len(self._programme.lower) <= _SMALL and self._transcription.task.convex
+            return ["ipopt_warm", "ipopt"] if warm and convex else ["ipopt"]
+        if name != "auto":
+            return [name]
+        small = len(self._programme.lower) <= _SMALL and convex
         return ["sqp", "fatrop"] if small and warm else ["fatrop"]
 
     def elastic(
@@ -213,7 +302,9 @@ class Solver:
             return None
         if self._elastic is None:
             soft = [replace(limit, weight=1e4) if not limit.soft else limit for limit in task.limits]
-            self._elastic = Solver(Transcription(replace(task, limits=soft)), "ipopt", 1e-6, None, self._budget)
+            settings = Settings("ipopt", 1e-6, None, self._settings.budget)
+            self._elastic = Solver(Transcription(replace(task, limits=soft)), settings, 0)
+        self._elastic.limit = max(self._deadline - time.perf_counter(), _LEAST)
         return self._elastic.solve(given, None, rest if old is None else (given[0], rest[1]), action)
 
     def _guess(self, rest: tuple[FloatArray, FloatArray], action: FloatArray) -> Solution:
@@ -231,28 +322,36 @@ class Solver:
         zeros = np.zeros(len(programme.g_lower))
         return Solution(programme, x, np.zeros(len(x)), zeros, np.zeros((0, 0)), np.zeros((0, 0)))
 
-    def _run(self, name: str, given: tuple[Any, ...], first: Solution) -> Solution | None:
+    def _run(self, name: str, given: tuple[Any, ...], first: Solution, share: float = 1.0) -> Solution | None:
+        """The result of a solver, within a share of the time that is left."""
         programme, t = self._programme, self._transcription
-        solver = self._solver(name)
+        p, now = self._parameters(given), time.perf_counter()
         try:
-            found = solver(
-                x0=first.x, lam_x0=first.lam_x, lam_g0=first.lam_g, p=self._parameters(given),
+            found, stats = self._solver(name)(
+                now + share * max(self._deadline - now, 0.0), x0=first.x, lam_x0=first.lam_x, lam_g0=first.lam_g, p=p,
                 lbx=programme.lower, ubx=programme.upper, lbg=programme.g_lower, ubg=programme.g_upper,
             )  # fmt: skip
-        except RuntimeError:
+        except (RuntimeError, TimeoutError) as error:
+            self.statuses.append(f"{name}: {str(error).splitlines()[-1] if str(error) else type(error).__name__}")
             return None
-        x, g = np.asarray(found["x"]).ravel(), np.asarray(found["g"]).ravel()
-        stats = solver.stats()
+        status = stats.get("return_status")
+        ended = status if isinstance(status, str) else f"failed with status {status}"
+        self.statuses.append(f"{name}: {'solved' if stats['success'] else ended}")
+        x = np.asarray(found["x"]).ravel()
         if not np.isfinite(x).all():
             return None
+        f, g = float(found["f"]), np.asarray(found["g"]).ravel()
         actions = np.clip(x[programme.actions] * t.scale, t.task.low, t.task.high)
+        if not stats["success"]:
+            # A solver that stopped before its first iteration returns no constraints.
+            f, g = self._guessed().value(x, p)
         if not (stats["success"] or self._usable(name, x, g)):
-            limited = self._budget is not None or self._iterations is not None or name == "sqp"
+            limited = self._settings.budget is not None or self._settings.iterations is not None or name == "sqp"
             return None if limited else self._followed(given, actions)
         states = x[programme.states] * t.e.state_scale
         lam_x = self._active(np.asarray(found["lam_x"]).ravel(), x, programme.lower, programme.upper)
         lam_g = self._active(np.asarray(found["lam_g"]).ravel(), g, programme.g_lower, programme.g_upper)
-        return Solution(programme, x, lam_x, lam_g, actions, states, float(found["f"]))
+        return Solution(programme, x, lam_x, lam_g, actions, states, f)
 
     def _parameters(self, given: tuple[Any, ...]) -> FloatArray:
         state, before, constant, varying, at = given
@@ -268,60 +367,14 @@ class Solver:
     def _usable(self, name: str, x: FloatArray, g: FloatArray) -> bool:
         """Whether a point at which a solver stopped early meets the equations."""
         programme = self._programme
-        if self._budget is None and self._iterations is None:
+        if self._settings.budget is None and self._settings.iterations is None:
             return False
-        worst = max(
-            float(np.max(programme.g_lower - g, initial=0.0)), float(np.max(g - programme.g_upper, initial=0.0)),
-            float(np.max(programme.lower - x, initial=0.0)), float(np.max(x - programme.upper, initial=0.0)),
-        )  # fmt: skip
+        sides = (programme.g_lower - g, g - programme.g_upper, programme.lower - x, x - programme.upper)
+        worst = max(float(np.nan_to_num(np.max(side, initial=0.0), nan=np.inf)) for side in sides)
         # One iteration of the real-time scheme leaves an error of second order.
         return bool(worst <= (1e-2 if name == "sqp" else _FEASIBLE))
 
-    def _solver(self, name: str) -> Any:
+    def _solver(self, name: str) -> Watched:
         if name not in self._made:
-            import casadi as ca
-
-            functions = self._programme.functions
-            # A function that CasADi could not evaluate is told by what is returned, not on the screen.
-            quiet: dict[str, Any] = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
-            quiet["calc_lam_p"] = False
-            make = {"fatrop": self._fatrop, "ipopt": self._ipopt, "ipopt_warm": self._warm, "sqp": self._sqp}[name]
-            plugin = {"sqp": "sqpmethod", "ipopt_warm": "ipopt"}.get(name, name)
-            self._made[name] = ca.nlpsol("horizon", plugin, functions, {**quiet, **make()})
+            self._made[name] = plugin(name, self._programme, self._settings)
         return self._made[name]
-
-    def _fatrop(self) -> dict[str, Any]:
-        options: dict[str, Any] = {"print_level": 0, "tolerance": self._tolerance}
-        options["max_iter"] = self._iterations or _ENDLESS
-        return {"fatrop": options, **self._programme.structure}
-
-    def _ipopt(self) -> dict[str, Any]:
-        options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": self._tolerance, "max_iter": _ENDLESS}
-        if max(self._programme.structure["nu"]) > _WIDE:
-            options["mumps_pivot_order"] = 0  # minimum degree orders a long band better than what MUMPS chooses
-        if self._budget is None:
-            options["max_cpu_time"] = _LONGEST
-        else:
-            options["max_wall_time"] = self._budget
-        if self._iterations is not None and self._name == "ipopt":
-            options["max_iter"] = self._iterations
-        return {"ipopt": options}
-
-    def _warm(self) -> dict[str, Any]:
-        """IPOPT from a point near the solution and its multipliers."""
-        options = self._ipopt()["ipopt"]
-        push = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        options |= {f"warm_start_{name}": 1e-6 for name in push}
-        return {"ipopt": {**options, "warm_start_init_point": "yes", "mu_init": 1e-4}}
-
-    def _sqp(self) -> dict[str, Any]:
-        quiet = {"print_header": False, "print_iteration": False, "print_status": False}
-        inner = {"print_time": False, "print_iter": False, "print_header": False, "print_info": False}
-        return {
-            **quiet,
-            "qpsol": "qrqp",
-            "qpsol_options": {**inner, "error_on_fail": False, "max_iter": _CHANGES if self._name == "auto" else 1000},
-            "max_iter": self._iterations or (_WARM if self._name == "auto" else 50),
-            "tol_pr": self._tolerance,
-            "tol_du": self._tolerance,
-        }

@@ -13,14 +13,16 @@ calculation against windup. With the sampling interval h, set-point r, measureme
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_number
+from smpl._arguments import FloatArray, as_count, as_finite_number, as_mapping, as_number
 from smpl.controllers.base import TakesWrapped
-from smpl.controllers.names import Measured, action_index, measured, operating_action
+from smpl.controllers.names import Measured, action_index, measured, operating_action, slow_gain
 from smpl.envs import Env
+from smpl.model import Model
 
 SetPoint = float | Callable[[float], float]
 FORMS = ("positional", "velocity")
@@ -78,13 +80,18 @@ class PID(TakesWrapped):
         self.set_point: SetPoint | None = set_point
         self.view = sees
         self.form, self.anti_windup, self.bumpless = form, anti_windup, bool(bumpless)
-        self._tracking = tracking_time
-        self._limits = low, high
+        self._tracking = None if tracking_time is None else as_finite_number("tracking_time", tracking_time)
+        if self._tracking is not None and self._tracking <= 0:
+            raise ValueError(f"tracking_time is {tracking_time!r}, expected a positive number")
+        self._limits = _limits(low, high)
         self.gain = self.integral_time = self.derivative_time = self.filter = self.set_point_weight = 0.0
         self.interval = 1.0
         self.low, self.high = -math.inf, math.inf
         self._set(gain, integral_time, derivative_time, filter, set_point_weight)
         self._measured: Measured | None = None
+        # The model of which the sign of the gain was looked at; with other loops it does not follow from this one.
+        self._signed: Model | None = None
+        self._alone = True
         self._index, self._base = 0, np.zeros(0)
         self.begin(0.0, None)
 
@@ -230,8 +237,27 @@ class PID(TakesWrapped):
         self._base = operating_action(env)
         self.interval = env.model.step
         low, high = self._limits
-        self.low = float(env.action_low[self._index]) if low is None else as_number("low", low)
-        self.high = float(env.action_high[self._index]) if high is None else as_number("high", high)
+        self.low = float(env.action_low[self._index]) if low is None else low
+        self.high = float(env.action_high[self._index]) if high is None else high
+        if self.low >= self.high:
+            name = self.manipulated
+            raise ValueError(f"low is {self.low:g} and high {self.high:g} of {name}, expected low below high")
+        if self._alone and self._signed is not env.model:
+            self._signed = env.model
+            self._warn_of_sign(env)
+
+    def _warn_of_sign(self, env: Env) -> None:
+        """Warn where the gain has the sign that drives the measurement away from its set-point."""
+        assert self._measured is not None
+        slope = slow_gain(env.model, self._index, self._measured)
+        if slope * self.gain < 0:
+            unit = f"{self._measured.unit}/({env.action_units[self._index]})"
+            text = (
+                f"the gain {self.gain:g} has the wrong sign: at the steady state of {env.model.name} a larger "
+                f"{self.manipulated} {'raises' if slope > 0 else 'lowers'} {self.measurement} ({slope:.3g} {unit} in "
+                "the long run), so that the loop drives it away from the set-point; negate the gain"
+            )
+            warnings.warn(text, stacklevel=2)
 
     def _measured_value(self, env: Env) -> float:
         assert self._measured is not None, "reset comes before action"
@@ -244,6 +270,16 @@ class PID(TakesWrapped):
             goal = self._measured.steady(env)
         self._reference = float(goal(env.time)) if callable(goal) else as_number("set_point", goal)
         return self._reference
+
+
+def _limits(low: float | None, high: float | None) -> tuple[float | None, float | None]:
+    """Limits of an action or set-point; one that is none is left to the action's box."""
+    ends = [None if end is None else as_number(what, end) for what, end in (("low", low), ("high", high))]
+    if any(end is not None and math.isnan(end) for end in ends):
+        raise ValueError(f"low is {low!r} and high {high!r}, expected numbers")
+    if ends[0] is not None and ends[1] is not None and ends[0] >= ends[1]:
+        raise ValueError(f"low is {low!r} and high {high!r}, expected low below high")
+    return ends[0], ends[1]
 
 
 class Loops(TakesWrapped):
@@ -259,7 +295,15 @@ class Loops(TakesWrapped):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two loops choose the action {', '.join(twice)}")
-        self._loops, self._others = loops, dict(others or {})
+        held = as_mapping("others", others)
+        self._loops, self._others = loops, {n: as_finite_number(f"others[{n!r}]", held[n]) for n in held}
+        self._signed: Model | None = None
+        for loop in loops:
+            if isinstance(loop, PID):
+                loop._alone = len(loops) == 1
+        both = [name for name in self._others if name in names]
+        if both:
+            raise ValueError(f"others holds {', '.join(both)}, which a loop chooses: leave one of them out")
 
     def reset(self, env: Env) -> None:
         """Begin an episode in all loops."""
@@ -267,6 +311,27 @@ class Loops(TakesWrapped):
             action_index(env.model, name)
         for loop in self._loops:
             loop.reset(env)
+        if len(self._loops) > 1 and self._signed is not env.model:
+            self._signed = env.model
+            self._warn_of_signs(env)
+
+    def _warn_of_signs(self, env: Env) -> None:
+        """Warn where no stable combination of integrating loops has these signs: det(G K) must be positive.
+
+        A. Niederlinski, Automatica 7 (1971) 691-701.
+        """
+        single = [loop for loop in self._loops if isinstance(loop, PID) and loop._measured is not None]
+        if len(single) < len(self._loops):
+            return
+        gains = np.array([[slow_gain(env.model, by._index, of._measured) for by in single] for of in single])  # type: ignore[arg-type]
+        size = np.abs(gains).max(axis=1, initial=0.0)
+        if (size > 0).all() and np.linalg.det(gains / size[:, None] * [np.sign(one.gain) for one in single]) < -1e-6:
+            names = ", ".join(one.manipulated for one in single)
+            text = (
+                f"the gains of the loops of {names} have signs with which no integrating loops are stable together: at "
+                f"the steady state of {env.model.name} the determinant of the slow gains times the gains is negative"
+            )
+            warnings.warn(text, stacklevel=2)
 
     def action(self, env: Env) -> FloatArray:
         """Actions of all loops."""
@@ -293,7 +358,7 @@ class Cascade(TakesWrapped):
                 f"the outer loop chooses {outer.manipulated}, the inner one measures {inner.measurement}: "
                 "the outer loop's action must be the inner loop's measurement"
             )
-        self.outer, self.inner, self._every = outer, inner, every
+        self.outer, self.inner, self._every = outer, inner, as_count("every", every)
         self.manipulated = inner.manipulated
         self._first = inner.set_point
 

@@ -18,7 +18,7 @@ STEADY_ACTION = np.array([26.85, 0.1])
 STATES, ACTIONS = ("c_A", "T", "h"), ("T_c", "q_out")
 
 
-class Proportional(TakesWrapped):
+class Proportional(TakesWrapped, needs_reset=False):
     """`pid` of the paper, in truth proportional only: jacket temperature by concentration, outflow by level.
 
     T_c = 26.85 + 100.0 (c_A - c_A,s), q_out = 0.1 + 0.5 (h - h_s), both clipped to the action box. It does not look at

@@ -30,7 +30,7 @@ from smpl.datasets.store import (
     pyarrow,
     write_part,
 )
-from smpl.envs import Env
+from smpl.envs import SEEDS, Env, SeedError
 from smpl.learning.agents import described
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Plan, Task
@@ -98,6 +98,8 @@ def collect(
         Task.of(env, **arguments), controller, episodes, seed=seed, weights=weights, starts=starts, noise=noise,
         epsilon=epsilon, randomize=randomize,
     )  # fmt: skip
+    if plan.seed + plan.episodes > SEEDS:
+        raise SeedError(f"seed is {plan.seed}, expected at most 2**64 - {plan.episodes} for {plan.episodes} episodes")
     count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     folder, kept = Path(out), _state_names(plan.task, states)
     if folder.exists() and not folder.is_dir():

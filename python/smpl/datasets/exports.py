@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 
+from smpl._optional import load
 from smpl.datasets.layouts import Float32Array, joined
 from smpl.datasets.loading import Dataset
 from smpl.envs import Env, native_seed
@@ -62,10 +63,7 @@ def to_hdf5(episodes: Iterable[Episode], path: str | os.PathLike[str]) -> Path:
         ImportError: h5py is missing.
         ValueError: there are no episodes.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise ImportError("this export needs h5py: pip install h5py") from error
+    h5py = load("h5py", "this export")
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
@@ -102,17 +100,15 @@ def to_torch(episodes: Iterable[Episode], folder: str | os.PathLike[str] | None 
     Raises:
         ImportError: torch is missing.
     """
-    try:
-        import torch
-        from torch.utils.data import TensorDataset
-    except ImportError as error:
-        raise ImportError("this export needs torch: pip install torch") from error
+    torch = load("torch", "this export")
     keys = ("observations", "actions", "rewards", "next_observations", "terminals")
     if folder is None:
         arrays = to_d4rl(episodes)
-        return TensorDataset(*(torch.from_numpy(np.asarray(arrays[key], dtype=np.float32)) for key in keys))
+        return torch.utils.data.TensorDataset(
+            *(torch.from_numpy(np.asarray(arrays[key], dtype=np.float32)) for key in keys)
+        )
     mapped = memory_mapped(episodes, folder, keys)
-    return TensorDataset(*(torch.from_numpy(mapped[key]) for key in keys))
+    return torch.utils.data.TensorDataset(*(torch.from_numpy(mapped[key]) for key in keys))
 
 
 def memory_mapped(
@@ -150,11 +146,7 @@ def to_d3rlpy(episodes: Iterable[Episode]) -> MDPDataset:
     Raises:
         ImportError: d3rlpy is missing.
     """
-    try:
-        from d3rlpy.dataset import MDPDataset
-    except ImportError as error:
-        raise ImportError("this export needs d3rlpy: pip install 'smpl[d3rlpy]'") from error
-    return MDPDataset(**d3rlpy_arrays(episodes))
+    return load("d3rlpy.dataset", "this export").MDPDataset(**d3rlpy_arrays(episodes))
 
 
 def d3rlpy_arrays(episodes: Iterable[Episode]) -> dict[str, Float32Array]:
@@ -192,11 +184,8 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     Warns:
         UserWarning: the environment does not give the first recorded steps again, as one of another reward or scenario.
     """
-    try:
-        import minari
-        from minari.data_collector.episode_buffer import EpisodeBuffer
-    except ImportError as error:
-        raise ImportError("this export needs Minari: pip install 'smpl[minari]'") from error
+    minari = load("minari", "this export")
+    EpisodeBuffer = load("minari.data_collector.episode_buffer", "this export").EpisodeBuffer
     buffers = [
         EpisodeBuffer(
             id=index,

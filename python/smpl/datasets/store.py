@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 from smpl.evaluation import Details, Episode
 
 FORMAT = 1
@@ -50,11 +51,8 @@ def pyarrow() -> Any:
     Raises:
         ImportError: it is missing.
     """
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise ImportError("data sets are kept in Parquet: pip install 'smpl[data]'") from error
-    return pyarrow
+    load("pyarrow.parquet", "a data set in Parquet")
+    return load("pyarrow", "a data set in Parquet")
 
 
 @contextlib.contextmanager
@@ -301,12 +299,17 @@ def _columns(manifest: Manifest, episodes: Sequence[tuple[int, Episode]]) -> dic
             columns[f"{prefix}.{name}"] = (np.concatenate(values), None) if full else (_padded(values), last)
     if manifest.names["phases"]:
         columns["phase"] = (np.concatenate([np.array(_details(one).phases, dtype=object) for one in every]), None)
-    columns["seed"] = (repeated([one.seed for one in every], np.int64), None)
+    seeds = [one.seed for one in every]
+    columns["seed"] = (repeated(seeds, np.uint64 if max(map(_whole, seeds), default=0) >= 2**63 else np.int64), None)
     columns["controller"] = (repeated([_details(one).controller for one in every], object), None)
     columns["failure"] = (repeated([one.failure for one in every], object), None)
     columns["success"] = (repeated([one.success for one in every], np.bool_), None)
     columns["options"] = (repeated([json.dumps(one.options) for one in every], object), None)
     return columns
+
+
+def _whole(seed: int | None) -> int:
+    return 0 if seed is None else seed
 
 
 def _padded(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:

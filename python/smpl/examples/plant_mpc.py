@@ -2,7 +2,7 @@
 
     python -m smpl.examples.plant_mpc --seeds 2000 2001
 
-The controller is that of `smpl.controllers.plant`, which is the plant's oracle too.
+The controller is that of `smpl.controllers.plant`, which is its full-information controller too.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ def _function_class() -> type[Any]:
     """The class, made when CasADi is there."""
     import casadi as ca
 
-    class ModelFunction(ca.Function):  # type: ignore[misc]
+    class ModelFunction(ca.Function):
         """A function of a model.
 
         In calls by position `z` may be left out where the model has no algebraic variables, `c` where only constants

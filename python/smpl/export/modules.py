@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable, Mapping
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from smpl._arguments import FloatArray, check_names
+from smpl._optional import load
 from smpl.export.calls import completing
 from smpl.export.files import text
 from smpl.export.parts import CasadiPart, cut
@@ -17,18 +16,6 @@ from smpl.model import Model
 
 # Name, unit, lower and upper bound, magnitude, nominal value.
 Row = tuple[str, str, float, float, float, float]
-
-
-def require(package: str, extra: str) -> ModuleType:
-    """Import a package, or say how to get it.
-
-    Raises:
-        ImportError: it is missing; the message names the command.
-    """
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        raise ImportError(f"this needs {extra}: pip install {extra} (or pip install 'smpl[{extra}]')") from error
 
 
 def run(model: Model, target: str) -> dict[str, Any]:
@@ -236,7 +223,7 @@ def casadi(model: Model, kind: str | None = None, smooth: float = 0.0) -> Casadi
         ImportError: CasADi is missing.
         ValueError: the model has what CasADi functions cannot carry.
     """
-    require("casadi", "casadi")
+    load("casadi", "this export")
     return CasadiModel(run(model, "casadi"), kind, smooth)
 
 
@@ -250,5 +237,5 @@ def jax(model: Model) -> JaxModel:
         ImportError: JAX is missing.
         ValueError: the model has what JAX functions cannot carry.
     """
-    require("jax", "jax")
+    load("jax", "this export")
     return JaxModel(run(model, "jax"))

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from smpl._arguments import check_names
+from smpl._optional import load
 from smpl.export.modules import CasadiModel, casadi
 from smpl.model import Model
 
@@ -40,10 +41,7 @@ def do_mpc(
         ValueError: the model is not explicit in its rates, or a name is unknown.
     """
     functions = casadi(model, kind, smooth)
-    try:
-        import do_mpc as library
-    except ImportError as error:
-        raise ImportError("this needs do-mpc: pip install do-mpc (or pip install 'smpl[do-mpc]')") from error
+    library = load("do_mpc", "this export")
     if functions.dae is None:
         raise ValueError(f"{model.name} is not explicit in its rates: do-mpc takes no model of that form")
     parameters, varying = list(parameters), list(varying)

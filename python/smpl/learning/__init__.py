@@ -8,6 +8,7 @@ on the plan and on i alone.
 from smpl.learning.agents import Agent, agent
 from smpl.learning.plan import Job, Plan, Task
 from smpl.learning.running import RunError, Settings, run
+from smpl.learning.saved import save_policy
 from smpl.learning.starts import Starts
 
-__all__ = ["Agent", "Job", "Plan", "RunError", "Settings", "Starts", "Task", "agent", "run"]
+__all__ = ["Agent", "Job", "Plan", "RunError", "Settings", "Starts", "Task", "agent", "run", "save_policy"]

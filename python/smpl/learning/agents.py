@@ -27,6 +27,8 @@ import numpy.typing as npt
 import smpl.controllers as controllers
 from smpl._arguments import FloatArray, as_vector
 from smpl._identity import Description, describe
+from smpl._optional import load
+from smpl.controllers.adapt import check_spaces
 from smpl.controllers.beer import profile_temperature
 from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
 from smpl.envs import Env, Interface, native_seed
@@ -34,7 +36,7 @@ from smpl.model import Model
 
 Array = npt.NDArray[Any]
 # Endings of the files of policies.
-_FILES = (".zip", ".d3", ".pt")
+FILES = (".zip", ".d3", ".pt")
 
 
 @dataclass
@@ -138,7 +140,15 @@ class Agent:
         return actions if self.kind == "rows" else rows.interface.from_physical(actions)
 
     def check(self, env: Env) -> None:
-        """Refuse an environment that the agent is not for: reset once as an episode would."""
+        """Refuse an environment that the agent is not for: reset once as an episode would.
+
+        Raises:
+            ValueError: a policy has other observations or actions than the environment.
+        """
+        if self.kind == "predict" and not self.physical:
+            check_spaces(self.chooser, env.observation_space, env.action_space, env)
+        elif self.kind == "rows" and callable(getattr(self.chooser, "check", None)):
+            self.chooser.check(env)
         self.reset(env)
 
     def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
@@ -198,10 +208,11 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 def _files(spec: str) -> dict[str, bytes]:
     """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
     file = Path(spec.rpartition(":")[2])
-    if file.suffix not in _FILES or not file.is_file():
+    if file.suffix not in FILES or not file.is_file():
         return {}
-    both = (file, file.with_name("formulation.json"))
-    return {one.name: one.read_bytes() for one in both if one.is_file()}
+    from smpl.learning.saved import sidecars
+
+    return {one.name: one.read_bytes() for one in (file, *sidecars(file)) if one.is_file()}
 
 
 def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) -> Agent:
@@ -217,7 +228,7 @@ def described(one: Agent) -> Description:
     """What a controller is, its settings and code included: results are not continued with other ones."""
     if one.origin is not None:
         file = Path(one.origin[0].rpartition(":")[2])
-        if file.suffix in _FILES and file.is_file():
+        if file.suffix in FILES and file.is_file():
             text = b"".join(_files(one.origin[0]).values())
             return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
     return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
@@ -226,7 +237,7 @@ def described(one: Agent) -> Description:
 def _title(spec: str) -> str:
     """Name of a policy file without its folder and ending; of anything else the text itself."""
     file = Path(spec.rpartition(":")[2])
-    return file.stem if file.suffix in _FILES else spec
+    return file.stem if file.suffix in FILES else spec
 
 
 def _made(spec: str, model: Model) -> Any:
@@ -235,8 +246,10 @@ def _made(spec: str, model: Model) -> Any:
         return known[spec]()
     if spec.startswith("constant:"):
         return controllers.Constant(_numbers(spec))
-    if Path(spec.rpartition(":")[2]).suffix in _FILES:
-        return _formulated(_policy_file(spec), Path(spec.rpartition(":")[2]))
+    if Path(spec.rpartition(":")[2]).suffix in FILES:
+        from smpl.learning.saved import in_its_formulation
+
+        return in_its_formulation(_policy_file(spec), Path(spec.rpartition(":")[2]), model)
     if ":" in spec:
         return _imported(spec)
     later = _baseline(model, spec)
@@ -294,10 +307,10 @@ def _policy_file(spec: str) -> Any:
     if file.endswith(".zip"):
         return _stable_baselines(algorithm, file)
     if file.endswith(".d3"):
-        d3rlpy = _needs("d3rlpy", "smpl[d3rlpy]")
+        d3rlpy = _needs("d3rlpy")
         with _of_file(file, "d3rlpy"):
             return d3rlpy.load_learnable(file)
-    torch = _needs("torch", "torch")
+    torch = _needs("torch")
     with of_torchscript(), _of_file(file, "TorchScript"):
         return _TorchPolicy(torch.jit.load(file).eval())
 
@@ -322,18 +335,10 @@ def of_torchscript() -> Iterator[None]:
         yield
 
 
-def _formulated(policy: Any, file: Path) -> Any:
-    """The policy, in the formulation that lies beside its file, if there is one."""
-    from smpl.learning.formulation import FormulatedPolicy, Formulation
-
-    formulation = Formulation.beside(file)
-    return policy if formulation is None else FormulatedPolicy(policy, formulation)
-
-
 def _stable_baselines(algorithm: str, file: str) -> Any:
     if not algorithm:
         raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
-    _needs("stable_baselines3", "smpl[sb3]")
+    _needs("stable_baselines3")
     for package in ("stable_baselines3", "sb3_contrib"):
         try:
             found = getattr(importlib.import_module(package), algorithm, None)
@@ -357,13 +362,10 @@ class _TorchPolicy:
             return np.asarray(self._module(torch.as_tensor(observations)).numpy())
 
 
-def _needs(module: str, package: str) -> Any:
-    try:
-        # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
-        with contextlib.redirect_stderr(io.StringIO()):
-            return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(f"this policy needs {module}: pip install '{package}'") from error
+def _needs(module: str) -> Any:
+    # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
+    with contextlib.redirect_stderr(io.StringIO()):
+        return load(module, "this policy")
 
 
 def _imported(spec: str) -> Any:

@@ -6,10 +6,11 @@ that counts. Results come back to this process, which alone writes files: the no
 
 from __future__ import annotations
 
-import importlib
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
+
+from smpl._optional import load
 
 Result = TypeVar("Result")
 # Pieces in work for each processor, seconds after which new processors are looked for, and how often in a row pieces
@@ -69,10 +70,7 @@ def connect(address: str) -> Any:
         ImportError: it is missing.
         RuntimeError: there is no cluster at the address.
     """
-    try:
-        ray = importlib.import_module("ray")
-    except ImportError as error:
-        raise ImportError("work on a cluster needs Ray: pip install 'smpl[ray]'") from error
+    ray = load("ray", "work on a cluster")
     if not ray.is_initialized():
         try:
             ray.init(

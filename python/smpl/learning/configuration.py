@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from smpl._arguments import as_count, as_number, check_names
+from smpl._optional import load
 from smpl.learning.environments import Curriculum
 from smpl.learning.formulation import Formulation
 
@@ -61,10 +62,7 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: It
         ImportError: PyYAML is missing.
         ValueError: the file is none, or names what there is not.
     """
-    try:
-        import yaml
-    except ImportError as error:
-        raise ImportError("this suite needs PyYAML: pip install 'smpl[benchmark]'") from error
+    yaml = load("yaml", "this suite")
     package, found = (yaml.safe_load(file.read_text(encoding="utf-8")) for file in (OWN, TUNED))
     base: dict[str, Any] = over(package, found if tuned else {"tuned": {}})
     if path is None:

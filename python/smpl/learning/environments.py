@@ -76,6 +76,9 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
         env: an environment of smpl.
         formulation: or a mapping of its attributes.
 
+    Attributes:
+        form: the formulation in this environment.
+
     Raises:
         TypeError: another environment.
         ValueError: the formulation does not fit.
@@ -86,9 +89,9 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
         base = env.unwrapped
         if not isinstance(base, Env):
             raise TypeError(f"Formulated wraps environments of smpl, got {type(base).__name__}")
-        self._base, self._form = base, Form(Formulation.of(formulation), base)
-        self.observation_space = self._form.observation_space(base.observation_space)
-        self.action_space = self._form.action_space()
+        self._base, self.form = base, Form(Formulation.of(formulation), base)
+        self.observation_space = self.form.observation_space(base.observation_space)
+        self.action_space = self.form.action_space()
         self._memory: dict[str, Any] = {}
         self._observation: Array | None = None
 
@@ -106,7 +109,7 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
             SimulationError: the episode is over, or has not begun.
         """
         observation, reward, terminated, truncated, info = self.env.step(self.action(action))
-        given = self._form.formulation.reward(np.asarray(reward), np.asarray(bool(info["failure"])))
+        given = self.form.formulation.reward(np.asarray(reward), np.asarray(bool(info["failure"])))
         return self._seen(observation), float(given), terminated, truncated, info
 
     def action(self, action: Any) -> Array:
@@ -116,18 +119,18 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
             ValueError: a wrong shape.
             SimulationError: no episode has begun.
         """
-        given = as_vector("action", action, len(self._form.learned))
-        physical = self._form.physical(self._current(), given[None])
+        given = as_vector("action", action, len(self.form.learned))
+        physical = self.form.physical(self._current(), given[None])
         return self._base.from_physical(physical[0]).astype(np.float32)
 
     def reverse_action(self, action: Any) -> Array:
         """The action of the formulation that comes nearest to one of the environment beneath; raises as `action`."""
         given = as_vector("action", action, len(self._base.action_names))
-        return self._form.reverse(self._current(), self._base.to_physical(given)[None])[0]
+        return self.form.reverse(self._current(), self._base.to_physical(given)[None])[0]
 
     def _seen(self, observation: Array) -> Array:
         self._observation = observation
-        return self._form.observe([self._memory], observation[None])[0]
+        return self.form.observe([self._memory], observation[None])[0]
 
     def _current(self) -> Rows:
         base = self._base

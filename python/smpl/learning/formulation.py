@@ -29,6 +29,7 @@ from smpl._arguments import (
     elements,
 )
 from smpl.controllers import Uniform
+from smpl.controllers.adapt import check_spaces
 from smpl.envs import Env, Interface, from_unit, native_seed
 from smpl.evaluation import Episode
 from smpl.learning.agents import Agent, Rows, agent
@@ -124,20 +125,24 @@ class Formulation:
         """Keep it beside a policy, where `--policy` finds it."""
         (folder / FILE).write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
 
-    @classmethod
-    def beside(cls, file: Path) -> Formulation | None:
-        """The formulation that lies beside a policy file, none if there is none.
 
-        Raises:
-            ValueError: the file is damaged.
-        """
-        path = file.with_name(FILE)
-        if not path.is_file():
-            return None
-        try:
-            return cls.of(json.loads(path.read_text(encoding="utf-8")))
-        except (ValueError, TypeError, AttributeError) as error:
-            raise ValueError(f"{path} is no formulation: {error}") from error
+class LearnedBox(Box):
+    """The action space of a formulation; a policy that keeps its action space keeps its formulation with it.
+
+    Attributes:
+        formulation: as a mapping of its attributes.
+        names: observations and actions of the environment that it was laid over.
+    """
+
+    def __init__(self, form: Form) -> None:
+        super().__init__(-1.0, 1.0, (len(form.learned),), np.float32)
+        self.formulation = asdict(form.formulation)
+        self.names = names_of(form.interface)
+
+
+def names_of(interface: Interface | Model) -> dict[str, list[str]]:
+    """Names of the observations and actions that a policy meets, in their order."""
+    return {"observations": list(interface.observation_names), "actions": list(interface.action_names)}
 
 
 class Form:
@@ -187,7 +192,9 @@ class Form:
 
     def action_space(self) -> Box:
         """The learned actions in [-1, 1]."""
-        return Box(-1.0, 1.0, (len(self.learned),), np.float32)
+        if self.formulation.shapes_rewards_only:
+            return Box(-1.0, 1.0, (len(self.learned),), np.float32)
+        return LearnedBox(self)
 
     def observation_space(self, single: Any) -> Box:
         """The observations of `history` instants, one after the other."""
@@ -262,6 +269,15 @@ class FormulatedPolicy(_Acting):
         self._inner = Agent("inner", policy)
         if self._inner.kind not in ("predict", "call"):
             raise TypeError(f"policy is {type(policy).__name__}, expected an object with predict, or a function")
+
+    def check(self, env: Env) -> None:
+        """Refuse an environment in which the policy does not fit its formulation.
+
+        Raises:
+            ValueError: the numbers of observations or actions differ.
+        """
+        form = self._laid_over(env)
+        check_spaces(self._inner.chooser, form.observation_space(env.observation_space), form.action_space(), env)
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space of the environment."""

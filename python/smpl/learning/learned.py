@@ -129,7 +129,7 @@ def trainer_of(
     if suite == "offline":
         from smpl.learning.offline import D3rlpyTrainer, needs
 
-        needs("d3rlpy", "d3rlpy")
+        needs("d3rlpy")
         scalers = settings.get("scalers", {})
         data_set = _data_set(learned, arguments, settings, data, workers)
         return D3rlpyTrainer(algorithm, data_set, formulation, hyper, scalers, _form(learned, settings))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from smpl._arguments import check_numbers
+from smpl._optional import load
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.evaluation import Episode
@@ -53,7 +54,7 @@ class D3rlpyTrainer:
         scalers: Mapping[str, str] | None = None,
         form: Form | None = None,
     ) -> None:
-        self._d3rlpy = needs("d3rlpy", "d3rlpy")
+        self._d3rlpy = needs("d3rlpy")
         structlog = importlib.import_module("structlog")
         structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
         config = getattr(self._d3rlpy.algos, f"{algorithm}Config", None)
@@ -137,19 +138,16 @@ def formulated_arrays(data: Iterable[Episode], formulation: Formulation, form: F
     return dict(d3rlpy_arrays(rewarded(one, formulation) if form is None else formulated(one, form) for one in data))
 
 
-def needs(module: str, extra: str) -> Any:
-    """Import a package that an extra brings.
+def needs(module: str) -> Any:
+    """Import the package of an algorithm.
 
     Raises:
-        ImportError: it is missing; the message says how to get it.
+        ImportError: it is missing; the message has the command that installs it.
     """
-    try:
-        # The gym that d3rlpy imports greets with a banner.
-        with contextlib.redirect_stderr(io.StringIO()):
-            found = importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(f"this algorithm needs {module}: pip install 'smpl[{extra}]'") from error
-    if module != "ray":
+    # The gym that d3rlpy imports greets with a banner.
+    with contextlib.redirect_stderr(io.StringIO()):
+        found = load(module, "this algorithm")
+    if not module.startswith("ray"):
         # Sums of several threads depend on how many there are.
         importlib.import_module("torch").set_num_threads(1)
     return found

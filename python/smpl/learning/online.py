@@ -45,9 +45,7 @@ class StableBaselinesTrainer:
         num_envs: int,
         curriculum: Mapping[str, Any] | None = None,
     ) -> None:
-        package = needs(
-            "sb3_contrib" if algorithm in CONTRIB else "stable_baselines3", "contrib" if algorithm in CONTRIB else "sb3"
-        )
+        package = needs("sb3_contrib" if algorithm in CONTRIB else "stable_baselines3")
         self._class: Any = getattr(package, algorithm, None)
         if self._class is None:
             raise ValueError(f"algorithm is {algorithm!r}, which {package.__name__} does not have")

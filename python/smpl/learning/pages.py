@@ -18,7 +18,7 @@ from smpl.learning.tables import lines, remarks
 _PLACE = re.compile(r"(<!-- table(?:: ([A-Za-z_]\w*))? -->\n)(.*?)(<!-- end of table -->\n)", re.DOTALL)
 _SUMMARY = "best"
 # What the others are compared with.
-_BOUNDS = ("nominal", "oracle", "random")
+_BOUNDS = ("nominal", "full_information", "random")
 
 
 def markdown(table: Mapping[str, Any]) -> str:
@@ -64,34 +64,35 @@ def places_of(page: Path) -> str:
 def summary(table: Mapping[str, Any]) -> str:
     """For each process the controller and the policies of most gain over the nominal policy.
 
-    What is compared is the mean gain over the seeds that a row has; rows of fewer seeds than the most are left out.
+    All cells of a row are means over the same episodes: those that every controller and algorithm of most seeds has
+    run. Rows of fewer seeds are left out.
     """
-    head = ["process", "nominal", *(f"best of {suite}" for suite in SUITES), "oracle"]
+    head = ["process", "episodes", "nominal", *(f"best of {suite}" for suite in SUITES), "full information"]
     written = [f"| {' | '.join(head)} |", "| --- |" + " ---: |" * (len(head) - 1)]
     for env in dict.fromkeys(row["env"] for row in table["rows"]):
-        rows = [row for row in table["rows"] if row["env"] == env and row.get("gain") is not None]
-        named = {row["controller"]: row for row in rows}
+        rows = [row for row in table["rows"] if row["env"] == env and "common" in row]
+        named = {row["controller"]: row["common"] for row in rows}
         if "nominal" not in named:
             continue
-        most = max(row["seeds"] for row in rows)
-        best = [_best(rows, suite, most) for suite in SUITES]
-        oracle = _gain(named["oracle"]) if "oracle" in named else ""
-        written.append(f"| {env} | {named['nominal']['return_mean']:.5g} | {' | '.join(best)} | {oracle} |")
+        best = [_best(rows, suite) for suite in SUITES]
+        informed = _gain(named["full_information"]) if "full_information" in named else ""
+        nominal = named["nominal"]
+        written.append(f"| {env} | {nominal['episodes']} | {nominal['mean']:.5g} | {' | '.join(best)} | {informed} |")
     return "\n".join(written) + "\n"
 
 
-def _best(rows: Sequence[Mapping[str, Any]], suite: str, seeds: int) -> str:
-    mine = [row for row in rows if row["suite"] == suite and row["controller"] not in _BOUNDS and row["seeds"] == seeds]
+def _best(rows: Sequence[Mapping[str, Any]], suite: str) -> str:
+    mine = [row for row in rows if row["suite"] == suite and row["controller"] not in _BOUNDS]
     if not mine:
         return ""
-    best = max(mine, key=lambda row: float(row["gain"]))
-    return f"{best['controller']} {_gain(best)}" if best["gain"] > 0 else "none above"
+    best = max(mine, key=lambda row: float(row["common"]["gain"]))
+    return f"{best['controller']} {_gain(best['common'])}" if best["common"]["gain"] > 0 else "none above"
 
 
-def _gain(row: Mapping[str, Any]) -> str:
+def _gain(common: Mapping[str, Any]) -> str:
     """The gain in the return of an episode over the nominal policy, and its interval."""
-    low, high = row["gain_interval"]
-    return f"{row['gain']:+.4g} ({low:+.4g} to {high:+.4g})"
+    low, high = common["interval"]
+    return f"{common['gain']:+.4g} ({low:+.4g} to {high:+.4g})"
 
 
 def _processes(table: Mapping[str, Any]) -> dict[str, str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from smpl._optional import install
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, compare
 
@@ -102,11 +104,23 @@ def _write(path: Path, data: bytes) -> None:
 
 def markdown(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], note: str) -> str:
     """The report as Markdown."""
-    rows = [[cell.replace("|", "\\|") for cell in row] for row in table(report)]
-    lines = [f"# {_title(report)}", "", _about(report), "", _line(rows[0]), _line(["---"] * len(rows[0]))]
-    lines += [*map(_line, rows[1:]), "", _LEGEND, "", *_findings(report), "", note]
+    rows = [[_plain(cell).replace("|", "\\|") for cell in row] for row in table(report)]
+    lines = [
+        f"# {_plain(_title(report))}",
+        "",
+        _plain(_about(report)),
+        "",
+        _line(rows[0]),
+        _line(["---"] * len(rows[0])),
+    ]
+    lines += [*map(_line, rows[1:]), "", _LEGEND, "", *map(_plain, _findings(report)), "", note]
     lines += [f"![{title}]({name}.png)\n" for name, (title, _) in pictures.items()]
     return "\n".join(lines).strip() + "\n"
+
+
+def _plain(text: str) -> str:
+    """Text as Markdown without links, images, HTML and code."""
+    return re.sub(r"([\\`*_\[\]#$])", r"\\\1", text).replace("<", "&lt;")
 
 
 def page(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], note: str) -> str:
@@ -138,7 +152,7 @@ def _pictures(plan: Plan, scores: Sequence[Score]) -> tuple[dict[str, tuple[str,
     try:
         from smpl.learning.pictures import pictures
     except ImportError:
-        return {}, "Pictures are left out: pip install 'smpl[report]'."
+        return {}, f"Pictures are left out: {install('matplotlib')}."
     return pictures(plan, scores), ""
 
 

@@ -70,8 +70,9 @@ class RLlibTrainer:
     ) -> None:
         if algorithm not in _CONFIGURATIONS:
             raise ValueError(f"algorithm is {algorithm!r}; there are: {', '.join(_CONFIGURATIONS)}")
-        self._ray = needs("ray", "rllib")
-        needs("torch", "rllib")
+        needs("ray.rllib")
+        self._ray = needs("ray")
+        needs("torch")
         module, name = _CONFIGURATIONS[algorithm]
         self._config: Any = getattr(importlib.import_module(module), name)
         known = inspect.signature(self._config.training).parameters
@@ -127,7 +128,7 @@ class RLlibTrainer:
 
     def export(self, folder: Path) -> str:
         """Write the mean action as TorchScript, and the formulation."""
-        torch = needs("torch", "rllib")
+        torch = needs("torch")
         module = _Mean(torch, self._algo.get_module()).module.eval()
         example = torch.zeros((2, self._width), dtype=torch.float32)
         with of_torchscript():

@@ -129,7 +129,10 @@ class Score:
 
 
 def compare(score: Score, baseline: Score) -> dict[str, Any]:
-    """How a controller does against another on the same episodes, pair by pair; with its regret against an oracle."""
+    """Compares a controller with another on the same episodes, pair by pair.
+
+    The regret is relative to the full-information controller.
+    """
     difference = score.returns - baseline.returns
     regret = {"regret": float(-difference.mean()), "regret_interval": list(bootstrap(-difference))}
     return {
@@ -138,7 +141,7 @@ def compare(score: Score, baseline: Score) -> dict[str, Any]:
         "interval": list(bootstrap(difference)),
         "better": float(np.mean(difference > 0)),
         "probability_of_improvement": probability_of_improvement(score.returns, baseline.returns),
-        **(regret if baseline.name == "oracle" else {}),
+        **(regret if baseline.name == "full_information" else {}),
     }
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray, check_names
+from smpl._optional import load
 from smpl.envs import Env
 
 # Kinds that are asked for by name, and how many numbers each takes.
@@ -106,10 +107,7 @@ def _centre(env: Env) -> FloatArray:
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> FloatArray:
-    try:
-        from scipy.stats import qmc
-    except ImportError as error:
-        raise ImportError("spread starts need SciPy: pip install 'smpl[scipy]'") from error
+    qmc = load("scipy.stats.qmc", "a set of spread starts")
     power = max(0, int(np.ceil(np.log2(count))))
     return np.asarray(qmc.Sobol(dimensions, seed=seed).random_base2(power)[:count], dtype=np.float64)
 

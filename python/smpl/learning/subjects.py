@@ -54,22 +54,35 @@ SUBJECTS = {
     # Table 2 of the paper, whose figures belong to `setpoint_change` and `legacy`.
     "Reactor": Subject(
         {"scenario": "legacy", "reward": "setpoint_change"},
-        {"pid": (-1.0823, 35.0924), "mpc": (-0.1912, 15.9328), "oracle": None, "nominal": None, "random": None},
+        {
+            "pid": (-1.0823, 35.0924),
+            "mpc": (-0.1912, 15.9328),
+            "full_information": None,
+            "nominal": None,
+            "random": None,
+        },
         _QUICK,
-        {"mpc": 50, "oracle": 50},
+        {"mpc": 50, "full_information": 50},
     ),
     "Beer": Subject(
         {"scenario": "legacy"},
-        {"profile": None, "isothermal": None, "oracle": None, "nominal": None, "random": None},
+        {"profile": None, "isothermal": None, "full_information": None, "nominal": None, "random": None},
         _QUICK,
-        {"oracle": 10},
+        {"full_information": 10},
     ),
-    "PenSim": Subject({}, {"recipe": None, "oracle": None, "nominal": None, "random": None}, _LONG, {"oracle": 2}),
-    "Atropine": Subject({}, {"mpc": None, "zero": None, "oracle": None, "nominal": None}, _LONG, {"oracle": 2}),
+    "PenSim": Subject(
+        {}, {"recipe": None, "full_information": None, "nominal": None, "random": None}, _LONG, {"full_information": 2}
+    ),
+    "Atropine": Subject(
+        {}, {"mpc": None, "zero": None, "full_information": None, "nominal": None}, _LONG, {"full_information": 2}
+    ),
     "MAb": Subject(
-        {}, {"mpc": None, "empc": None, "oracle": None, "nominal": None}, _LONG, {"mpc": 1, "empc": 1, "oracle": 1}
+        {},
+        {"mpc": None, "empc": None, "full_information": None, "nominal": None},
+        _LONG,
+        {"mpc": 1, "empc": 1, "full_information": 1},
     ),
-    "MAbPlant": Subject({}, {"oracle": None, "nominal": None}, _LONG, {"oracle": 1}),
+    "MAbPlant": Subject({}, {"full_information": None, "nominal": None}, _LONG, {"full_information": 1}),
 }
 # Episodes of a model of somebody's own.
 _OWN = {"smoke": 4, "short": 50, "paper": 500}

@@ -36,18 +36,55 @@ def table(
             continue
         changed = sorted({what for one in mine for what in stale.get(one.run.name, ())})
         row |= _row(mine)
-        leads = {other: _leads(mine, _of((env, "control", other), every, results)) for other in ("nominal", "oracle")}
-        for key, other, sign in (("gain", "nominal", 1.0), ("regret", "oracle", -1.0)):
+        leads = {
+            other: _leads(mine, _of((env, "control", other), every, results))
+            for other in ("nominal", "full_information")
+        }
+        for key, other, sign in (("gain", "nominal", 1.0), ("regret", "full_information", -1.0)):
             lead = leads[other]
             row[key] = sign * float(lead.mean()) + 0.0 if len(lead) else None  # no negative zero
         compared = leads["nominal"]
         row["gain_interval"] = list(bootstrap(compared)) if len(compared) else None
         row["better"] = [int((compared > 0).sum()), len(compared)] if len(compared) else None
         rows.append({**row, "changed": changed})
+    _add_common(rows, every, results)
     order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
     rows.sort(key=lambda row: order.index(row["env"]))
     suites = list(dict.fromkeys(one.suite for one in every))
     return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
+
+
+def _add_common(rows: Sequence[dict[str, Any]], every: Sequence[Run], results: Mapping[str, Result]) -> None:
+    """Adds `common` to the rows of most seeds: scores on the episodes that all of these rows of a process have run.
+
+    Each has `episodes`, the mean return `mean`, and the mean gain over the nominal policy `gain` with its `interval`.
+    """
+    for env in dict.fromkeys(row["env"] for row in rows):
+        mine = [row for row in rows if row["env"] == env and row.get("gain") is not None]
+        most = max((row["seeds"] for row in mine), default=0)
+        mine = [row for row in mine if row["seeds"] == most]
+        found = {id(row): _of((env, row["suite"], row["controller"]), every, results) for row in mine}
+        shortest: dict[int, int] = {}
+        for one in (one for all_of in found.values() for one in all_of):
+            count = len(one.scores["returns"])
+            shortest[one.run.number] = min(count, shortest.get(one.run.number, count))
+        nominal = _first_returns(_of((env, "control", "nominal"), every, results), shortest)
+        for row in mine:
+            returns = _first_returns(found[id(row)], shortest)
+            if len(returns) and len(returns) == len(nominal):
+                row["common"] = {
+                    "episodes": len(returns),
+                    "mean": float(returns.mean()),
+                    "gain": float((returns - nominal).mean()),
+                    "interval": list(bootstrap(returns - nominal)),
+                }
+
+
+def _first_returns(results: Sequence[Result], counts: Mapping[int, int]) -> np.ndarray:
+    """Returns of the first episodes of each seed, by the seed's number."""
+    ordered = sorted((one for one in results if one.run.number in counts), key=lambda one: one.run.number)
+    parts = [np.asarray(one.scores["returns"][: counts[one.run.number]], dtype=np.float64) for one in ordered]
+    return np.concatenate(parts) if parts else np.empty(0)
 
 
 def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str, Result]) -> list[Result]:

@@ -23,7 +23,9 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import as_count
+from smpl._clock import Clock
 from smpl._native import __version__
+from smpl._optional import load
 from smpl.learning import configuration
 from smpl.learning.learned import as_observed, trainer_of, validator, versions
 from smpl.learning.subjects import Run, runs
@@ -159,6 +161,7 @@ def tune(
     objective: Objective | None = None,
     workers: int | None = None,
     told: Callable[[Trial], None] | None = None,
+    seconds: float | None = None,
 ) -> list[Trial]:
     """Run trials until the study has as many, those of earlier calls included.
 
@@ -169,6 +172,7 @@ def tune(
         objective: in place of training: score of hyperparameters, and what to call with steps and scores on the way.
         workers: threads or processes of validations.
         told: called with each trial that is finished.
+        seconds: no trial begins after so many; no limit if None.
 
     Returns:
         All trials, the oldest first.
@@ -182,7 +186,8 @@ def tune(
     run = objective if objective is not None else _training(search, study.parent / "data", workers)
     opened = _open(optuna, search, study)
     _bury(optuna, opened)
-    while len(_finished(opened)) < trials:
+    clock = Clock(seconds)
+    while len(_finished(opened)) < trials and not clock.over():
         number = len(_finished(opened))
         opened.sampler = optuna.samplers.TPESampler(seed=_seed(search.seed, number), n_startup_trials=_RANDOM)
         trial = opened.ask()
@@ -321,10 +326,7 @@ def _try(optuna: Any, opened: Any, trial: Any, changed: Mapping[str, Any], run: 
 
 
 def _optuna() -> Any:
-    try:
-        import optuna
-    except ImportError as error:
-        raise ImportError("tuning needs Optuna: pip install 'smpl[tune]'") from error
+    optuna = load("optuna", "tuning")
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna
 

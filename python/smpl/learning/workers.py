@@ -87,13 +87,18 @@ def _pool(
 ) -> Iterator[tuple[Any, Result]]:
     # Spawned, not forked: the threads of this process are not in a child.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(pieces)), context, _begin, (sent,))
+    pool = ProcessPoolExecutor(min(workers, len(pieces), _most()), context, _begin, (sent,))
     try:
         waiting = {pool.submit(_do, work, piece): piece for piece in pieces}
         for done in as_completed(waiting):
             yield waiting[done], done.result()
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _most() -> int:
+    """Most worker processes: four a processor, and 64 on a small machine."""
+    return max(64, 4 * (os.cpu_count() or 1))
 
 
 def _begin(sent: bytes) -> None:

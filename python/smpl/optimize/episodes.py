@@ -102,6 +102,7 @@ def episode(
     file: str | Path | None = None,
     progress: bool = False,
     threads: int | None = None,
+    seconds: float | None = None,
 ) -> EpisodeOptimum:
     """The recipe with the largest goal: all recipes of a batch are simulated together, on all cores.
 
@@ -128,6 +129,7 @@ def episode(
         start: inputs where the search begins, one number or all moves; the middle if none.
         progress: show a bar.
         threads: all processors if none.
+        seconds: no batch begins after so many; no limit if None. The best of what was evaluated counts.
 
     Raises:
         ValueError: an unknown name, an empty range, a wrong shape, or a file of another search.
@@ -142,7 +144,7 @@ def episode(
         task.low, task.high, names=task.names, method=method, start=task.start(start), spread=spread,
         population=population, seed=seed, file=file,
     )  # fmt: skip
-    search.run(task.values, evaluations, progress)
+    search.run(task.values, evaluations, progress, seconds=seconds)
     point, value = search.best
     inputs = task.inputs(point)
     return EpisodeOptimum(

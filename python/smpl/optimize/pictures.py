@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import FloatArray
+from smpl._optional import load
 
 
 def search_figure(
@@ -31,12 +32,9 @@ def search_figure(
     Raises:
         ImportError: Matplotlib is missing.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("pictures of a search need Matplotlib: pip install 'smpl[report]'") from error
+    figure_class = load("matplotlib.figure", "a picture of a search").Figure
     rows = 1 + len(profiles)
-    figure = Figure(figsize=(8, 2.4 + 1.5 * len(profiles)), layout="constrained")
+    figure = figure_class(figsize=(8, 2.4 + 1.5 * len(profiles)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, 1, height_ratios=[2.4] + [1.5] * len(profiles)))
     count = np.arange(1, len(values) + 1)
     finite = np.isfinite(values)

@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_numbers
+from smpl._clock import Clock
+from smpl._optional import load
 from smpl._searches import read_search
 from smpl.learning.progress import Progress
 
@@ -25,7 +27,7 @@ Objective = Callable[[FloatArray], Any]
 
 
 class _DoneError(Exception):
-    """The evaluations are used up."""
+    """The evaluations or the seconds are used up."""
 
 
 class _CarriedError(Exception):
@@ -101,23 +103,28 @@ class Search:
         place = int(np.argmax(np.where(np.isfinite(self.values), self.values, -np.inf)))
         return self.points[place].copy(), float(self.values[place])
 
-    def run(self, objective: Objective, evaluations: int, progress: bool = False) -> None:
+    def run(
+        self, objective: Objective, evaluations: int, progress: bool = False, *, seconds: float | None = None
+    ) -> None:
         """Search until so many evaluations are there, those of the file included.
 
         Args:
             objective: of points (n, d), returns values (n,); one that is not finite counts as the worst.
             evaluations: in all.
             progress: show a bar.
+            seconds: no batch begins after so many; no limit if None.
 
         Raises:
             ImportError: the package of the method is missing.
             ValueError: values of a wrong shape, or the file has other points than this search makes.
         """
-        count = as_count("evaluations", evaluations)
+        count, clock = as_count("evaluations", evaluations), Clock(seconds)
         self.points, self.values = self.points[:0], self.values[:0]
         with Progress(progress, self.method, count) as bar:
 
             def evaluate(points: FloatArray) -> FloatArray:
+                if clock.over():
+                    raise _DoneError
                 room = count - len(self.values)
                 values = self._evaluate(points[:room], objective)
                 bar.add(len(values))
@@ -242,8 +249,4 @@ class Search:
 
 
 def _cma_package() -> Any:
-    try:
-        import cma
-    except ImportError as error:
-        raise ImportError("covariance matrix adaptation needs the package cma: pip install 'smpl[optimize]'") from error
-    return cma
+    return load("cma", "covariance matrix adaptation")

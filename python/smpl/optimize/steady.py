@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
+from smpl._optional import load
 from smpl.model import Model, compile
 
 Range = tuple[float | None, float | None]
@@ -480,8 +481,4 @@ def _range(name: str, given: Any) -> tuple[float, float]:
 
 
 def _minimize() -> Any:
-    try:
-        from scipy.optimize import minimize
-    except ImportError as error:
-        raise ImportError("the best steady state needs SciPy: pip install 'smpl[scipy]'") from error
-    return minimize
+    return load("scipy.optimize", "the best steady state").minimize

@@ -100,7 +100,7 @@ fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects
 fn without_place(file: &PathBuf, error: &LoadError) -> Json {
     json!({
         "code": crate::load::UNREADABLE, "severity": "error", "message": error.to_string(), "file": file,
-        "line": 1, "column": 1, "end_line": 1, "end_column": 1, "help": null,
+        "line": 1, "column": 1, "end_line": 1, "end_column": 1, "help": null, "notes": [], "related": [],
     })
 }
 

@@ -40,8 +40,8 @@ pub(super) fn run(arguments: &FitArguments) -> Result<(), Failed> {
 
 fn missing(tried: &[String]) -> String {
     format!(
-        "smpl fit is done by the Python package smpl, which none of these has: {}; pip install 'smpl[scipy]' there, or name a Python that \
-         has it: SMPL_PYTHON=/path/to/python",
+        "smpl fit is done by the Python package `smpl-process`, which none of these has: {}; install it and SciPy there, or name a \
+         Python that has them: SMPL_PYTHON=/path/to/python",
         tried.join(", ")
     )
 }

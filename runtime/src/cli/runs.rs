@@ -9,6 +9,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::prelude::*;
 
+use super::excursion::Excursion;
 use super::outputs;
 use super::plot::Sketch;
 use super::report::{self, Failed};
@@ -16,6 +17,7 @@ use super::simulate::{Policy, SimulateArguments};
 use crate::environment::{Environment, ResetOptions, StateInput, StepResult};
 use crate::failure::{Short, beyond};
 use crate::load::LoadOptions;
+use crate::pool;
 use crate::scenario::{Value, Variant};
 use crate::setup::Setup;
 use crate::sweep::{Sweep, combination, combinations};
@@ -66,6 +68,8 @@ struct Outcome {
     table: Option<Table>,
     /// See [`crate::picture::Run::moved`].
     moved: bool,
+    /// The state that left its bounds furthest, in words; nothing after a failure.
+    excursion: Option<String>,
 }
 
 /// What a run ended in.
@@ -108,6 +112,10 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     let episodes = arguments.episodes.unwrap_or(1) as usize;
     let count = combinations(&arguments.sweep).and_then(|n| n.checked_mul(episodes)).filter(|n| *n <= MOST_RUNS);
     let Some(count) = count else { return Err(Failed::Message(format!("these are more than {MOST_RUNS} runs"))) };
+    if arguments.seed.checked_add(episodes as u64 - 1).is_none() {
+        let most = u64::MAX - (episodes as u64 - 1);
+        return Err(Failed::Message(format!("the seeds of {episodes} episodes begin at --seed, which is at most {most} here")));
+    }
     let points = points(arguments)?;
     arguments.warn_of_bounds(&points[0].setup, &arguments.reset_options(&points[0].setup)?);
     let mut sketch = None;
@@ -231,9 +239,10 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
 }
 
 fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, count: usize, keeps: bool) -> Result<Vec<Outcome>, Failed> {
-    let threads = arguments.threads.map_or(0, |n| n as usize);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Failed::Message(format!("threads: {error}")))?;
+    let given = arguments.threads.map_or_else(pool::processors, |n| n as usize);
+    let threads = pool::useful(given, count);
+    let workers = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let workers = workers.map_err(|error| Failed::Message(format!("threads: {error}")))?;
     let bar = progress(count);
     // One environment a thread serves all runs of a setup.
     let outcome = |held: &mut Option<(usize, Environment)>, index: usize| -> Result<Outcome, Failed> {
@@ -250,7 +259,7 @@ fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, cou
         bar.inc(1);
         Ok(outcome)
     };
-    let all = pool.install(|| (0..count).into_par_iter().map_init(|| None, outcome).collect());
+    let all = workers.install(|| (0..count).into_par_iter().map_init(|| None, outcome).collect());
     bar.finish_and_clear();
     all
 }
@@ -273,8 +282,17 @@ fn episode_of(
     keeps: bool,
 ) -> Outcome {
     let rewards = point.setup.model().interface().finish.rewards.len();
-    let mut outcome =
-        Outcome { steps: 0, time: 0.0, sums: vec![0.0; 1 + rewards], end: End::NotEnded, drawn: Vec::new(), table: None, moved: false };
+    let mut outcome = Outcome {
+        steps: 0,
+        time: 0.0,
+        sums: vec![0.0; 1 + rewards],
+        end: End::NotEnded,
+        drawn: Vec::new(),
+        table: None,
+        moved: false,
+        excursion: None,
+    };
+    let mut excursion = Excursion::default();
     environment.set_keep_going(arguments.keep_going);
     if let Some(reason) = &point.broken {
         outcome.end = End::Broken(reason.clone());
@@ -296,7 +314,10 @@ fn episode_of(
     while environment.steps() < steps && (environment.is_running() || arguments.keep_going) {
         policy.choose(environment, &mut action);
         match environment.step(&action) {
-            Ok(result) => add(&mut outcome, environment, &result),
+            Ok(result) => {
+                add(&mut outcome, environment, &result);
+                excursion.look(environment);
+            }
             Err(error) => {
                 outcome.end = End::Broken(error.to_string());
                 break;
@@ -305,6 +326,9 @@ fn episode_of(
         if let (Some(recorder), Some(result)) = (&mut recorder, environment.last().copied()) {
             recorder.record(environment, Some(&result));
         }
+    }
+    if !matches!(outcome.end, End::Failed(_) | End::Broken(_)) {
+        outcome.excursion = excursion.describe(environment);
     }
     outcome.table = recorder.map(|recorder| recorder.table().clone());
     outcome
@@ -338,6 +362,10 @@ fn said(keys: &table::Keys<'_>, outcomes: &[Outcome], spent: f64) -> String {
     }
     if let Some(broken) = outcomes.iter().find(|o| matches!(o.end, End::Broken(_))) {
         report::note(&format!("warning: some runs did not begin or go on; the first one: {}\n", broken.end.message()));
+    }
+    let left = outcomes.iter().filter_map(|o| o.excursion.as_ref());
+    if let Some(first) = left.clone().next() {
+        report::note(&format!("warning: in {} runs without a failure a state leaves its bounds; the first one: {first}\n", left.count()));
     }
     text
 }

@@ -1,12 +1,13 @@
 //! `smpl simulate`
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::excursion::Excursion;
 use super::plot::{self, Sketch};
 use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
@@ -17,7 +18,7 @@ use crate::load::{LoadOptions, Loaded};
 use crate::random::Stream;
 use crate::setup::{Setup, method};
 use crate::sweep::Sweep;
-use crate::trajectory::{Recorder, read_actions, read_disturbances, read_initial};
+use crate::trajectory::{Between, Clock, Recorder, read_actions, read_disturbances, read_initial};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -34,7 +35,7 @@ pub(super) struct SimulateArguments {
     file: PathBuf,
     #[command(flatten)]
     pub(super) model: ModelArguments,
-    /// Actions: columns named as the actions, physical units, row by row the steps 1..n
+    /// Actions: columns named as the actions, physical units, by a column `time` or row by row the steps 1..n
     #[arg(long, value_name = "A.csv", conflicts_with = "policy")]
     actions: Option<PathBuf>,
     /// nominal, random, or a policy that the model declares
@@ -52,6 +53,12 @@ pub(super) struct SimulateArguments {
     /// Recorded disturbances in place of drawn ones
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
+    /// Course of recorded inputs between the times of their tables
+    #[arg(long, value_enum, default_value_t)]
+    resample: Between,
+    /// Warnings that were given: several runs read the same tables.
+    #[arg(skip)]
+    warned: Mutex<Vec<String>>,
     /// Seed of the episode
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
     pub(super) seed: u64,
@@ -88,7 +95,7 @@ pub(super) struct SimulateArguments {
     /// Table of one row a run: return, end, drawn parameters
     #[arg(long, value_name = "S.csv|S.parquet", value_parser = outputs::table, help_heading = "Many runs")]
     pub(super) summary: Option<PathBuf>,
-    /// Threads; all processors where it is not said
+    /// Threads, at most one a run; all processors by default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Many runs")]
     pub(super) threads: Option<u32>,
 }
@@ -218,7 +225,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         steps = rows.len() as u32;
     }
     let mut action = vec![0.0; environment.catalogue().actions.len()];
-    let mut total = 0.0;
+    let (mut total, mut excursion) = (0.0, Excursion::default());
     let mut progress = Progress::new(steps);
     if let Some(sketch) = &mut sketch {
         sketch.follow_run(&setup, steps)?;
@@ -231,9 +238,13 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         let result = environment.step(&action)?;
         total += result.reward;
         recorder.record(&mut environment, Some(&result));
+        excursion.look(&environment);
         progress.update(environment.steps());
     }
     progress.finish();
+    if let Some(text) = excursion.describe(&environment).filter(|_| environment.last().is_none_or(|last| last.failure.is_none())) {
+        report::note(&format!("warning: {text}\n"));
+    }
     for (name, values) in environment.ended_records() {
         let message = format!("the disturbance `{name}` ends after step {values}; its last value held to step {}", environment.steps());
         warn_of_the_end(arguments.disturbances.as_deref(), &message);
@@ -305,7 +316,10 @@ impl SimulateArguments {
     /// The policy of a name, or the recorded actions.
     pub(crate) fn policy_named(&self, name: &str, seed: u64, environment: &Environment) -> Result<Policy, Failed> {
         if let Some(path) = &self.actions {
-            return Ok(Policy::Recorded(read_actions(path, environment.catalogue())?));
+            let inputs = read_actions(path, environment.catalogue(), self.clock(environment.setup()))?;
+            self.warn_of_split(path, inputs.split.as_ref());
+            let row = |step: usize| inputs.sequences.iter().map(|sequence| sequence[step]).collect();
+            return Ok(Policy::Recorded((0..inputs.steps).map(row).collect()));
         }
         match name {
             "nominal" => Ok(nominal(environment)),
@@ -322,6 +336,23 @@ impl SimulateArguments {
         }
     }
 
+    /// Warns, once, of a recorded input that changes within a step.
+    fn warn_of_split(&self, path: &Path, split: Option<&(String, usize)>) {
+        let Some((name, step)) = split else { return };
+        let path = path.display();
+        let text =
+            format!("warning: {path}: `{name}` changes within step {step}; a step has one value of an input, the mean over the step\n");
+        let mut warned = self.warned.lock().unwrap_or_else(PoisonError::into_inner);
+        if !warned.contains(&text) {
+            report::note(&text);
+            warned.push(text);
+        }
+    }
+
+    fn clock(&self, setup: &Setup) -> Clock {
+        Clock { step: setup.model().interface().episode.step, between: self.resample, most: setup.max_steps() as usize }
+    }
+
     /// How episodes begin.
     pub(crate) fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
         let start = match self.start {
@@ -336,7 +367,9 @@ impl SimulateArguments {
             options.discrete = discrete;
         }
         if let Some(path) = &self.disturbances {
-            options.disturbances = read_disturbances(path, &setup.catalogue)?;
+            let (disturbances, split) = read_disturbances(path, &setup.catalogue, self.clock(setup))?;
+            self.warn_of_split(path, split.as_ref());
+            options.disturbances = disturbances;
         }
         Ok(options)
     }

@@ -99,9 +99,16 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     // Writing into a string cannot fail.
     let _ = writeln!(text, "residual norm {:.3e} after {} iterations", report.residual_norm, report.iterations);
     let resting = catalogue.states.elements().iter().map(|e| e.scale).fold(0.0, f64::max) * 1e-9;
-    if let Some((at, rate)) = report.held.filter(|&(_, rate)| rate > resting) {
+    if let Some((at, rate)) = report.held.filter(|&(_, rate)| rate.abs() > resting) {
         let name = catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
         let _ = writeln!(text, "{}: d/dt {name} = {rate:.3e}", what_is_held(&held));
+    }
+    if let Some((at, rate)) = report.moving {
+        let name = catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
+        let _ = writeln!(
+            text,
+            "not a steady state: d/dt {name} = {rate:.3e}, its rate is coupled with that of a held state; hold other states"
+        );
     }
     if arguments.out.is_none() {
         for (name, unit, value) in &rows {
@@ -109,7 +116,7 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
         }
     }
     text += &changing(&system, catalogue, &y);
-    text += &spectrum(&mut system, catalogue, &y, &setup.model().interface().time.unit);
+    text += &spectrum(&mut system, catalogue, &y, report.moving.is_none(), &setup.model().interface().time.unit);
     if let Some(at) = steady::kink(&mut system, catalogue, &y) {
         let equation = describe_equation(at, setup.model(), catalogue, setup.sources());
         let _ = writeln!(
@@ -201,7 +208,7 @@ fn values(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: 
 }
 
 /// The eigenvalues of the linearisation in words.
-fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: &[f64], time_unit: &str) -> String {
+fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y: &[f64], rests: bool, time_unit: &str) -> String {
     if catalogue.states.len() > LARGE {
         return format!("eigenvalues: not computed for more than {LARGE} states\n");
     }
@@ -214,6 +221,7 @@ fn spectrum(system: &mut crate::system::CompiledSystem, catalogue: &Catalogue, y
     };
     let (values, omitted) = (&spectrum.values, spectrum.omitted);
     let kind = match values.first().map(|v| v.re) {
+        _ if !rests => "not at rest",
         Some(re) if re > 1e-9 => "unstable",
         Some(re) if re > -1e-9 => "not asymptotically stable (an eigenvalue is zero)",
         _ => "stable",

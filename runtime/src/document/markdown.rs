@@ -2,22 +2,31 @@
 
 use std::fmt::Write;
 
-/// Text in which nothing is taken for a command of Markdown.
+/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. A short run of back-ticks still marks code.
 pub(super) fn prose(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
+    let fences = text.contains("```") || text.contains("~~~");
     for c in text.chars() {
         match c {
-            '*' | '_' | '$' | '\\' | '#' => out.extend(['\\', c]),
+            '*' | '_' | '$' | '\\' | '#' | '[' | ']' | '{' | '}' => out.extend(['\\', c]),
+            '`' | '~' if fences => out.extend(['\\', c]),
             '<' => out.push_str("&lt;"),
+            '&' => out.push_str("&amp;"),
+            _ if c.is_control() => out.push(' '),
             _ => out.push(c),
         }
     }
     out
 }
 
-/// A name as it is written in a program.
+/// A name as it is written in a program, between more back-ticks than it has in a row.
 pub(super) fn code(name: &str) -> String {
-    format!("`{name}`")
+    let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let longest = name.split(|c| c != '`').map(str::len).max().unwrap_or(0);
+    match longest {
+        0 => format!("`{name}`"),
+        _ => format!("{fence} {name} {fence}", fence = "`".repeat(longest + 1)),
+    }
 }
 
 /// A unit for a line of text: `kJ/(min m² K)`, `°C`; nothing for numbers.
@@ -93,6 +102,25 @@ mod tests {
         for (text, expected) in cases.into_iter().chain([("degC", "°C"), ("1", "")]) {
             assert_eq!(unit(text), expected);
         }
+    }
+
+    #[test]
+    fn text_of_a_model_has_no_markup() {
+        let cases = [
+            ("[x](javascript:alert(1))", "\\[x\\](javascript:alert(1))"),
+            ("![x](https://a.example/b.png)", "!\\[x\\](https://a.example/b.png)"),
+            ("<https://a.example>", "&lt;https://a.example>"),
+            ("\\[x](y)", "\\\\\\[x\\](y)"),
+            ("&lt;b>", "&amp;lt;b>"),
+            ("x {: onclick=y}", "x \\{: onclick=y\\}"),
+            ("a\n\n# b", "a  \\# b"),
+            ("```html", "\\`\\`\\`html"),
+            ("none with `gross`", "none with `gross`"),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(prose(text), expected);
+        }
+        assert_eq!(code("a` [x](y) `b"), "`` a` [x](y) `b ``");
     }
 
     #[test]

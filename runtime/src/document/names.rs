@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use smpl_compiler::model::{Axis, Choice, Interface, Port, PortMember, Quantity, Variant};
 
-use super::markdown::{code, table};
+use super::markdown::{code, prose, table};
 
 /// The last chapter of the page; `policies` are those that the model declares.
 pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
@@ -46,7 +46,7 @@ pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
     rows.extend(row("policies", policies.len(), policies));
     let switch = |variant: &Variant| if variant.on { format!("{} (on)", code(&variant.name)) } else { code(&variant.name) };
     rows.extend(row("variants", interface.alternatives.variants.len(), interface.alternatives.variants.iter().map(switch).collect()));
-    let choice = |choice: &Choice| format!("{} ({})", code(&choice.name), choice.chosen().unwrap_or_default());
+    let choice = |choice: &Choice| format!("{} ({})", code(&choice.name), prose(choice.chosen().unwrap_or_default()));
     rows.extend(row("choices", interface.alternatives.choices.len(), interface.alternatives.choices.iter().map(choice).collect()));
     let note = "As they are called from the command line and from Python. Four failures are there in every model: \
                 `action_box`, an action outside of its box (the step is still integrated); `solver`, the integrator gives up (the state \
@@ -72,7 +72,7 @@ fn indexed(quantity: &Quantity) -> String {
         return code(&quantity.name);
     }
     if quantity.pattern.is_some() && !quantity.is_empty() {
-        return format!("`{}` .. `{}`", quantity.element_name(0), quantity.element_name(quantity.len() - 1));
+        return format!("{} .. {}", code(&quantity.element_name(0)), code(&quantity.element_name(quantity.len() - 1)));
     }
     let axes: Vec<String> = quantity
         .axes
@@ -84,7 +84,7 @@ fn indexed(quantity: &Quantity) -> String {
             Axis::Numbers { first, count } => format!("{first}..{}", first + i64::from(*count) - 1),
         })
         .collect();
-    format!("`{}[{}]`", quantity.name, axes.join(", "))
+    code(&format!("{}[{}]", quantity.name, axes.join(", ")))
 }
 
 /// Observations, elements of one array together.
@@ -94,7 +94,7 @@ fn observed(interface: &Interface) -> Vec<String> {
     let shown = |group: &[smpl_compiler::model::Observed]| match group {
         [] => String::new(),
         [one] => code(&one.name),
-        [first, .., last] => format!("`{}` .. `{}`", first.name, last.name),
+        [first, .., last] => format!("{} .. {}", code(&first.name), code(&last.name)),
     };
     groups.map(shown).collect()
 }

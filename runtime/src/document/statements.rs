@@ -233,7 +233,7 @@ impl<'s> Writer<'s> {
 
     /// What an import brings stands in its place, once.
     fn import(&mut self, path: &str) {
-        self.block(&format!("From `{path}`:"));
+        self.block(&format!("From {}:", code(path)));
         if let Some(&file) = self.source.imports.get(path) {
             let (titled, chapter) = (self.titled, self.chapter);
             self.file(file);
@@ -247,7 +247,7 @@ impl<'s> Writer<'s> {
             self.statements(body, statement.span.start);
             return;
         }
-        let title = format!("`{} = {}`{}", choice.text, option.text, self.place());
+        let title = format!("{}{}", code(&format!("{} = {}", choice.text, option.text)), self.place());
         self.alternatives.push(Alternative { title, text: String::new(), body });
     }
 

@@ -61,10 +61,11 @@ impl Environment {
     pub(super) fn end_time(&self) -> f64 {
         let episode = &self.setup.model().interface().episode;
         let steps = f64::from(self.progress.steps);
-        if episode.integrate == episode.step { (steps + 1.0) * episode.step } else { steps * episode.step + episode.integrate }
+        let end = if episode.integrate == episode.step { (steps + 1.0) * episode.step } else { steps * episode.step + episode.integrate };
+        if self.share < 1.0 { self.begin + self.share * (end - self.begin) } else { end }
     }
 
-    fn prepare(&mut self, action: &[f64]) {
+    pub(super) fn prepare(&mut self, action: &[f64]) {
         self.apply(action);
         self.disturb(self.begin);
         let t0 = self.begin;
@@ -127,7 +128,7 @@ impl Environment {
         }
     }
 
-    fn integrate(&mut self) -> Outcome {
+    pub(super) fn integrate(&mut self) -> Outcome {
         // What earlier steps left behind would make results depend on history (order of pivots).
         self.collect_statistics();
         self.integrator.forget();

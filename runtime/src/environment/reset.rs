@@ -7,11 +7,11 @@ use smpl_compiler::layout::{Part, Region};
 
 use super::{Environment, Phase, Replay, finish};
 use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
-use crate::failure::{SolverFailure, describe_solver};
+use crate::failure::{SolverFailure, beyond, describe_equation, describe_solver};
 use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
-use crate::solver::{Carried, Edge, SolveError, Statistics};
+use crate::solver::{Carried, Edge, SolveError, Statistics, System};
 use crate::steady::{self, SteadyError};
 
 /// Where an episode starts.
@@ -60,6 +60,8 @@ pub struct ResetOptions {
     pub expected: bool,
     /// Steps that count as completed at the start: the clock begins there, and so do recorded disturbances.
     pub first_step: u32,
+    /// Disturbances at the start by name, from which their rules go on.
+    pub disturbed: BTreeMap<String, f64>,
     /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the start if none.
     pub disturbance_seed: Option<u64>,
 }
@@ -144,6 +146,9 @@ impl Environment {
         self.set_replay(options)?;
         self.initial_values(options)?;
         self.refuse_broken_start()?;
+        if matches!(options.state, StateInput::Start) {
+            self.refuse_outside()?;
+        }
         self.first_observation()?;
         self.progress.key = options.disturbance_seed.map_or(key, EpisodeKey::seeded);
         self.progress.phase = Phase::Running;
@@ -362,6 +367,11 @@ impl Environment {
             let at = catalogue.discretes.get(name, "discrete variable")?.at;
             self.system.region_mut(Region::Discrete)[at] = value;
         }
+        finite(&options.disturbed, "disturbance")?;
+        for (name, &value) in &options.disturbed {
+            let at = catalogue.disturbances.get(name, "disturbance")?.at;
+            self.system.region_mut(Region::Disturbance)[at] = value;
+        }
         self.check_phase()
     }
 
@@ -438,6 +448,19 @@ impl Environment {
                 Err(ResetError::NotFinite { what: format!("{} at the start", broken.quantity(self.setup.model(), self.catalogue())) })
             }
         }
+    }
+
+    /// Refuses algebraic variables outside of their bounds, where the model and not the caller chooses the states.
+    fn refuse_outside(&self) -> Result<(), ResetError> {
+        let setup = &self.setup;
+        let Some(bounds) = self.system.bounds() else { return Ok(()) };
+        let algebraic: Vec<usize> = (setup.model().states()..setup.model().unknowns()).collect();
+        let Some(at) = bounds.outside(&algebraic, &self.progress.y) else { return Ok(()) };
+        let equation = describe_equation(at, setup.model(), &setup.catalogue, setup.sources());
+        let element = setup.catalogue.solved.elements().iter().find(|element| element.at == at);
+        let Some(beyond) = element.and_then(|element| beyond(element, self.progress.y[at])) else { return Ok(()) };
+        let message = format!("{equation}, has no solution inside of the declared bounds that the search finds: {beyond}");
+        Err(ResetError::Inconsistent { message })
     }
 
     fn first_observation(&mut self) -> Result<(), ResetError> {

@@ -2,11 +2,12 @@
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
+use smpl_compiler::model::Failure as Failed;
 
 use super::finish::Part;
 use super::interval::Outcome;
 use super::{Environment, Phase, StepResult};
-use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, NOT_FINITE, NotFinite, describe_item, describe_solver};
+use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, FailureKind, NOT_FINITE, NotFinite, describe_item, describe_solver};
 
 /// Most members of a box that a message names.
 const MOST_NAMED: usize = 8;
@@ -176,6 +177,32 @@ impl Environment {
             parts.push(format!("{NOT_FINITE}: {}", what.describe(self.setup.model(), &self.setup.catalogue)));
         }
         parts.join("; ")
+    }
+
+    /// Kind of the failure of the last step and, for declared failures, its name. If there are several, a cause that undid or cut the step
+    /// comes first: solver, events without end, event, not finite; then action box and the declared failures in their order.
+    #[must_use]
+    pub fn failure_cause(&self) -> (FailureKind, &str) {
+        let verdict = &self.progress.verdict;
+        if verdict.last.is_none_or(|result| result.failure.is_none()) {
+            return (FailureKind::None, "");
+        }
+        let declared = &self.setup.model().interface().finish.failures;
+        let mut failing = declared.iter().zip(&verdict.failing).filter(|(_, failing)| **failing).map(|(failure, _)| failure);
+        if verdict.solver_failure.is_some() {
+            (FailureKind::Solver, "")
+        } else if self.progress.chatter.is_some() {
+            (FailureKind::Events, "")
+        } else if let Some(failure) = failing.clone().find(|failure| failure.event) {
+            (FailureKind::Event, &failure.name)
+        } else if self.progress.not_finite.is_some() {
+            (FailureKind::NotFinite, "")
+        } else if verdict.action_excess > 0.0 {
+            (FailureKind::ActionBox, "")
+        } else {
+            let kind = |failure: &Failed| if failure.items.is_empty() { FailureKind::Condition } else { FailureKind::Box };
+            failing.next().map_or((FailureKind::None, ""), |failure| (kind(failure), &failure.name))
+        }
     }
 
     fn describe_action(&self) -> String {

@@ -1,8 +1,10 @@
 //! From an SBML model to the text of a model of the language.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 
-use super::document::{Kind, Sbml, Symbol, Target};
+use super::document::{Event, Kind, Rule, Sbml, Symbol, Target};
+use super::initial::First;
 use super::math::Math;
 use super::names::Names;
 use super::roles::{self, Role, Roles};
@@ -30,6 +32,10 @@ pub(super) struct Conversion<'s> {
     pub(super) bare: bool,
     /// Steps of following symbols to their starts, which have a limit.
     pub(super) steps: std::cell::Cell<u32>,
+    /// Symbols that events set.
+    pub(super) targets: HashSet<String>,
+    /// The events at the start of a run.
+    pub(super) first: First,
     out: String,
 }
 
@@ -40,8 +46,7 @@ pub(super) fn at(at: usize, message: impl Into<String>) -> Fault {
 /// Puts the function definitions in, and checks that all symbols are known.
 pub(super) fn prepare(sbml: &mut Sbml) -> Result<(), Fault> {
     let functions = std::mem::take(&mut sbml.functions);
-    let known: std::collections::HashSet<String> =
-        sbml.symbols.iter().map(|s| s.id.clone()).chain(sbml.reactions.iter().map(|r| r.id.clone())).collect();
+    let known: HashSet<String> = sbml.symbols.iter().map(|s| s.id.clone()).chain(sbml.reactions.iter().map(|r| r.id.clone())).collect();
     let put = |place: usize, math: &mut Math| -> Result<(), Fault> {
         *math = math.put_in(&functions).map_err(|why| at(place, why))?;
         match math.names().into_iter().find(|name| !known.contains(name)) {
@@ -60,6 +65,9 @@ pub(super) fn prepare(sbml: &mut Sbml) -> Result<(), Fault> {
     }
     for event in &mut sbml.events {
         put(event.at, &mut event.trigger)?;
+        for math in event.delay.iter_mut().chain(&mut event.priority) {
+            put(event.at, math)?;
+        }
         for (place, _, math) in &mut event.assignments {
             put(*place, math)?;
         }
@@ -85,8 +93,20 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
     sbml.reactions.iter().for_each(|r| names.give(&r.id));
     sbml.events.iter().filter(|e| !e.id.is_empty()).for_each(|e| names.give(&e.id));
     let time = names.fresh("t");
-    let mut c = Conversion { sbml, roles, names, time, bare: head.bare.is_some(), steps: std::cell::Cell::new(0), out: String::new() };
+    let targets = sbml.events.iter().flat_map(Event::targets).map(str::to_owned).collect();
+    let mut c = Conversion {
+        sbml,
+        roles,
+        names,
+        time,
+        bare: head.bare.is_some(),
+        steps: std::cell::Cell::new(0),
+        targets,
+        first: First::default(),
+        out: String::new(),
+    };
     c.head(head);
+    c.run_first_events();
     c.symbols()?;
     c.rules()?;
     c.reactions()?;
@@ -112,6 +132,11 @@ pub(super) fn unit_without_symbols(sbml: &Sbml) -> Option<String> {
 pub(super) fn quoted(text: &str, most: usize) -> String {
     let clean: String = text.chars().map(|c| if c == '"' { '\'' } else { c }).filter(|c| !c.is_control()).collect();
     if clean.chars().count() <= most { clean } else { clean.chars().take(most - 3).chain("...".chars()).collect() }
+}
+
+/// The name of an event as a comment.
+pub(super) fn comment(event: &Event) -> String {
+    if event.name.is_empty() { String::new() } else { format!("    # {}", quoted(&event.name, 80)) }
 }
 
 impl Conversion<'_> {
@@ -152,11 +177,20 @@ impl Conversion<'_> {
         if let Some(why) = head.bare {
             self.line(&format!("# Units are told in words only, and everything is a number: {}", quoted(why, 300)));
         }
-        let unit = self.unit_id(sbml.time.as_deref().or(if sbml.level == 2 { Some("time") } else { None }));
+        let unit = self.time_unit();
         let shown = if self.bare { "1" } else { unit.as_str() };
         self.out.push('\n');
         let (time, text) = (self.time.clone(), if self.bare && unit != "1" { format!("    # {unit}") } else { String::new() });
         self.line(&format!("time {time} : {shown}{text}"));
+    }
+
+    /// The unit of the time.
+    pub(super) fn time_unit(&self) -> String {
+        self.unit_id(self.usual(&self.sbml.time, "time").as_deref())
+    }
+
+    pub(super) fn time_name(&self) -> &str {
+        &self.time
     }
 
     pub(super) fn product_of(&self, id: Option<&str>) -> Product {
@@ -176,7 +210,7 @@ impl Conversion<'_> {
     }
 
     pub(super) fn size_unit(&self, symbol: &Symbol) -> Option<String> {
-        let Kind::Compartment { dimensions } = &symbol.kind else { return None };
+        let Kind::Compartment { dimensions, .. } = &symbol.kind else { return None };
         symbol.unit.clone().or_else(|| match dimensions {
             3.0 => self.usual(&self.sbml.volume, "volume"),
             2.0 => self.usual(&self.sbml.area, "area"),
@@ -227,11 +261,16 @@ impl Conversion<'_> {
     }
 
     pub(super) fn text(&self, place: usize, math: &Math) -> Result<String, Fault> {
-        self.with_writer(|w| w.text(math)).map_err(|why| at(place, why))
+        self.with_writer(|w| w.text(&math.typed(false))).map_err(|why| at(place, why))
     }
 
     pub(super) fn factor(&self, place: usize, math: &Math) -> Result<String, Fault> {
-        self.with_writer(|w| w.factor(math)).map_err(|why| at(place, why))
+        self.with_writer(|w| w.factor(&math.typed(false))).map_err(|why| at(place, why))
+    }
+
+    /// The text of a truth value.
+    pub(super) fn truth(&self, place: usize, math: &Math) -> Result<String, Fault> {
+        self.with_writer(|w| w.text(&math.typed(true))).map_err(|why| at(place, why))
     }
 
     fn with_writer<T>(&self, work: impl FnOnce(&Writer<'_>) -> T) -> T {
@@ -242,10 +281,17 @@ impl Conversion<'_> {
 
     /// Rates of what is no state of its own have no name in the language.
     pub(super) fn checked(&self, place: usize, math: &Math) -> Result<Math, Fault> {
+        // The rule of a concentration whose amount is the state.
+        let rate = |id: &str| {
+            let mut rules = self.sbml.rules.iter();
+            let rule = rules.find(|r| matches!(&r.target, Target::Rate(own) if own == id));
+            rule.map(|rule| &rule.math).filter(|math| !math.has_rates())
+        };
         let changed = math.map(&mut |part| match &part {
             Math::RateOf(id) => match self.roles.of(id) {
                 Some(Role::Parameter | Role::Discrete) if !self.roles.amounts.contains(id) => Ok(Math::Number(0.0, None)),
                 Some(Role::State) if !self.roles.amounts.contains(id) => Ok(part),
+                Some(Role::State) if rate(id).is_some() => Ok(rate(id).cloned().unwrap_or(part)),
                 _ => Err(format!("`rateOf` of `{id}`, which is no state of its own")),
             },
             _ => Ok(part),
@@ -256,9 +302,8 @@ impl Conversion<'_> {
     pub(super) fn compartment_name(&self, symbol: &Symbol) -> Option<String> {
         match &symbol.kind {
             Kind::Species { compartment, .. } => {
-                let dimensions = self.symbol(compartment).map(|c| &c.kind);
-                let point = matches!(dimensions, Some(Kind::Compartment { dimensions }) if *dimensions == 0.0);
-                (!point).then(|| self.names.of(compartment))
+                let kind = self.symbol(compartment).map(|c| &c.kind);
+                (!matches!(kind, Some(Kind::Compartment { point: true, .. }))).then(|| self.names.of(compartment))
             }
             _ => None,
         }
@@ -405,22 +450,35 @@ impl Conversion<'_> {
     /// Rates of states: those of rules, then sums of reactions.
     fn rates(&mut self) -> Result<(), Fault> {
         let states: Vec<&Symbol> = self.sbml.symbols.iter().filter(|s| self.roles.of(&s.id) == Some(Role::State)).collect();
-        if !states.is_empty() {
-            self.line("\n# balances");
+        self.line("\n# balances");
+        if states.is_empty() {
+            self.line("# A model has a state: here it is the time that has passed.");
+            let (name, unit) = (self.names.fresh("elapsed"), self.time_unit());
+            let line = self.declaration(&name, &unit, "0", "");
+            self.line(&format!("state {line}"));
+            self.line(&format!("eq d/dt {name} = 1"));
         }
         for symbol in states {
             let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Rate(id) if *id == symbol.id));
             let value = match rule {
-                Some(rule) => {
-                    let math = self.checked(rule.at, &rule.math)?;
-                    self.text(rule.at, &math)?
-                }
+                Some(rule) => self.rate_of_rule(symbol, rule)?,
                 None => self.sum_of_reactions(symbol)?,
             };
             let line = format!("eq d/dt {} = {value}", self.kept(&symbol.id));
             self.line(&line);
         }
         Ok(())
+    }
+
+    /// The rate that a rule gives; of an amount, where the rule is that of the concentration.
+    fn rate_of_rule(&self, symbol: &Symbol, rule: &Rule) -> Result<String, Fault> {
+        let math = self.checked(rule.at, &rule.math)?;
+        let (Kind::Species { compartment, .. }, true) = (&symbol.kind, self.roles.amounts.contains(&symbol.id)) else {
+            return self.text(rule.at, &math);
+        };
+        let (size, own) = (self.names.of(compartment), self.names.of(&symbol.id));
+        let grows = if self.roles.of(compartment) == Some(Role::State) { format!(" + {own}*der({size})") } else { String::new() };
+        Ok(format!("{size}*{}{grows}", self.factor(rule.at, &math)?))
     }
 
     fn sum_of_reactions(&self, symbol: &Symbol) -> Result<String, Fault> {
@@ -445,7 +503,7 @@ impl Conversion<'_> {
                 terms += 1;
             }
         }
-        let Kind::Species { amount, factor, .. } = &symbol.kind else { return Ok(sum) };
+        let Kind::Species { amount, factor, .. } = &symbol.kind else { return Ok("0".into()) };
         let per_size = !*amount && !self.roles.amounts.contains(&symbol.id);
         let size = self.compartment_name(symbol).filter(|_| per_size);
         let factor = factor.as_ref().or(self.sbml.factor.as_ref()).map(|id| self.names.of(id));
@@ -456,6 +514,7 @@ impl Conversion<'_> {
             (Some(factor), None) => format!("{factor}*{enclosed}"),
         };
         Ok(match size {
+            _ if terms == 0 => "0".into(),
             Some(size) => format!("{scaled}/{size}"),
             None => scaled,
         })

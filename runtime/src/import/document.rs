@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use roxmltree::{Document, Node};
 
+use super::known;
 use super::math::{self, Functions, Math};
 use super::xml::{Fault, attribute, children, fault, number, tag};
 
@@ -50,6 +51,8 @@ pub(super) struct UnitPart {
 pub(super) enum Kind {
     Compartment {
         dimensions: f64,
+        /// It has no size: amounts in it are not divided.
+        point: bool,
     },
     Species {
         compartment: String,
@@ -113,7 +116,20 @@ pub(super) struct Event {
     pub(super) trigger: Math,
     /// The condition counts as true before the start.
     pub(super) starts_true: bool,
+    /// A triggered event runs even if its condition ceases to hold before.
+    pub(super) persistent: bool,
+    /// The values are those of the time of the trigger, not of the execution.
+    pub(super) early_values: bool,
+    pub(super) delay: Option<Math>,
+    pub(super) priority: Option<Math>,
     pub(super) assignments: Vec<(usize, String, Math)>,
+}
+
+impl Event {
+    /// The symbols that it sets.
+    pub(super) fn targets(&self) -> impl Iterator<Item = &str> {
+        self.assignments.iter().map(|(_, id, _)| id.as_str())
+    }
 }
 
 fn numeric(node: Node<'_, '_>, name: &str) -> Result<Option<f64>, Fault> {
@@ -152,8 +168,26 @@ fn unknown(node: Node<'_, '_>, inside: &str) -> Fault {
     fault(node, format!("`{}` in `{inside}` is not known", tag(node)))
 }
 
+/// Refuses a second element for one id; `before` is the first one.
+fn once<T>(node: Node<'_, '_>, before: Option<T>) -> Result<(), Fault> {
+    match before {
+        Some(_) => Err(fault(node, format!("a second `{}` for one id", tag(node)))),
+        None => Ok(()),
+    }
+}
+
+/// The child of this name; a second one is refused.
+fn only<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Result<Option<Node<'a, 'i>>, Fault> {
+    let mut found = children(node).filter(|n| tag(*n) == name);
+    let first = found.next();
+    match found.next() {
+        Some(second) => Err(fault(second, format!("a second `{name}` in `{}`", tag(node)))),
+        None => Ok(first),
+    }
+}
+
 fn math_of(node: Node<'_, '_>) -> Result<Option<Math>, Fault> {
-    children(node).find(|n| tag(*n) == "math").map(math::read).transpose()
+    only(node, "math")?.map(math::read).transpose()
 }
 
 fn math_needed(node: Node<'_, '_>) -> Result<Math, Fault> {
@@ -179,21 +213,41 @@ pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
         return Err(fault(root, format!("SBML Level {level} is not read, Levels 2 and 3 are: libSBML converts between them")));
     }
     let mut sbml = Sbml { level, version, ..Sbml::default() };
-    for package in root.attributes().filter(|a| a.name() == "required" && a.namespace().is_some()) {
-        let url = package.namespace().unwrap_or_default();
-        let name = url.rsplit("/").find(|part| !part.starts_with("version") && !part.is_empty()).unwrap_or(url);
-        if package.value() == "true" || package.value() == "1" {
+    let mut optional = vec![];
+    for attribute in root.attributes().filter(|a| a.name() == "required") {
+        let Some(namespace) = attribute.namespace() else { continue };
+        let name = known::package(namespace);
+        if !matches!(attribute.value(), "false" | "0") {
             return Err(fault(root, format!("the package `{name}` is required and not read: only the core of SBML is")));
         }
+        optional.push(namespace);
         sbml.packages.push(name.to_owned());
     }
+    known::check(root, &optional)?;
     let mut models = meaning(root);
     let model = models.next().filter(|n| tag(*n) == "model").ok_or_else(|| fault(root, "no `model` in the document"))?;
+    if let Some(second) = models.next() {
+        return Err(fault(second, format!("a second element in `sbml`: `{}`", tag(second))));
+    }
     sbml.id = owned(model, "id").unwrap_or_default();
     sbml.name = owned(model, "name").unwrap_or_default();
     sbml.notes = notes(model);
     read_model(&mut sbml, model)?;
+    points(&mut sbml);
     Ok(sbml)
+}
+
+/// Makes points of compartments without dimensions: in Level 2, and in Level 3 where nothing gives their size. There they are compartments as any other.
+fn points(sbml: &mut Sbml) {
+    for symbol in &mut sbml.symbols {
+        let Kind::Compartment { dimensions, point } = &mut symbol.kind else { continue };
+        let ruled = sbml.rules.iter().any(|r| matches!(&r.target, Target::Assignment(id) if *id == symbol.id));
+        let given = symbol.value.is_some() || ruled || sbml.initial.contains_key(&symbol.id);
+        if *dimensions == 0.0 && (sbml.level == 2 || !given) {
+            *point = true;
+            symbol.value = Some(1.0);
+        }
+    }
 }
 
 fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
@@ -208,11 +262,13 @@ fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
         for item in meaning(list) {
             match (tag(list), tag(item)) {
                 ("listOfFunctionDefinitions", "functionDefinition") => {
-                    let math = children(item).find(|n| tag(*n) == "math").ok_or_else(|| fault(item, "a function without `math`"))?;
-                    sbml.functions.insert(needed(item, "id")?, math::read_function(math)?);
+                    // A function without an expression may not be called.
+                    if let Some(math) = only(item, "math")? {
+                        once(item, sbml.functions.insert(needed(item, "id")?, math::read_function(math)?))?;
+                    }
                 }
                 ("listOfUnitDefinitions", "unitDefinition") => {
-                    sbml.units.insert(needed(item, "id")?, unit_parts(item)?);
+                    once(item, sbml.units.insert(needed(item, "id")?, unit_parts(item)?))?;
                 }
                 // Types of compartments and species group them and say nothing of equations.
                 ("listOfCompartmentTypes", "compartmentType") | ("listOfSpeciesTypes", "speciesType") => {}
@@ -221,18 +277,18 @@ fn read_model(sbml: &mut Sbml, model: Node<'_, '_>) -> Result<(), Fault> {
                 ("listOfParameters", "parameter") => sbml.symbols.push(parameter(item)?),
                 ("listOfInitialAssignments", "initialAssignment") => {
                     if let Some(math) = math_of(item)? {
-                        sbml.initial.insert(needed(item, "symbol")?, math);
+                        once(item, sbml.initial.insert(needed(item, "symbol")?, math))?;
                     }
                 }
                 ("listOfRules", _) => sbml.rules.extend(rule(item)?),
-                ("listOfConstraints", "constraint") => sbml.constraints.push((item.range().start, math_needed(item)?)),
+                ("listOfConstraints", "constraint") => sbml.constraints.extend(math_of(item)?.map(|math| (item.range().start, math))),
                 ("listOfReactions", "reaction") => {
                     let made = reaction(sbml, item)?;
                     sbml.reactions.push(made);
                 }
                 ("listOfEvents", "event") => {
-                    let made = event(item, sbml.events.len())?;
-                    sbml.events.push(made);
+                    let number = sbml.events.len();
+                    sbml.events.extend(event(item, number)?);
                 }
                 (inside, _) => return Err(unknown(item, inside)),
             }
@@ -264,13 +320,12 @@ fn unit_parts(definition: Node<'_, '_>) -> Result<Vec<UnitPart>, Fault> {
 
 fn compartment(node: Node<'_, '_>) -> Result<Symbol, Fault> {
     let dimensions = numeric(node, "spatialDimensions")?.unwrap_or(3.0);
-    let usual = if dimensions == 0.0 { Some(1.0) } else { None };
     Ok(Symbol {
         at: node.range().start,
         id: needed(node, "id")?,
         name: owned(node, "name").unwrap_or_default(),
-        kind: Kind::Compartment { dimensions },
-        value: numeric(node, "size")?.or(usual),
+        kind: Kind::Compartment { dimensions, point: false },
+        value: numeric(node, "size")?,
         constant: flag(node, "constant", true)?,
         unit: owned(node, "units"),
     })
@@ -278,6 +333,9 @@ fn compartment(node: Node<'_, '_>) -> Result<Symbol, Fault> {
 
 fn species(node: Node<'_, '_>) -> Result<Symbol, Fault> {
     let (amount, concentration) = (numeric(node, "initialAmount")?, numeric(node, "initialConcentration")?);
+    if amount.is_some() && concentration.is_some() {
+        return Err(fault(node, "a species has an `initialAmount` or an `initialConcentration`, not both"));
+    }
     let kind = Kind::Species {
         compartment: needed(node, "compartment")?,
         amount: flag(node, "hasOnlySubstanceUnits", false)?,
@@ -336,6 +394,7 @@ fn reaction(sbml: &mut Sbml, node: Node<'_, '_>) -> Result<Reaction, Fault> {
                 }
             }
             "listOfModifiers" => {}
+            "kineticLaw" if rate.is_some() => return Err(fault(item, format!("a second `kineticLaw` in the reaction `{id}`"))),
             "kineticLaw" => rate = Some(kinetic_law(sbml, item, &id)?),
             _ => return Err(unknown(item, "reaction")),
         }
@@ -352,7 +411,10 @@ fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part,
         let denominator = numeric(node, "denominator")?.unwrap_or(1.0);
         value = Some(value.unwrap_or(1.0) / denominator);
     }
-    let math = children(node).find(|n| tag(*n) == "stoichiometryMath").map(math_needed).transpose()?;
+    if let Some(other) = meaning(node).find(|n| tag(*n) != "stoichiometryMath") {
+        return Err(unknown(other, tag(node)));
+    }
+    let math = only(node, "stoichiometryMath")?.map(math_needed).transpose()?;
     let number = match (math, owned(node, "id")) {
         (Some(math), _) => math,
         (None, Some(id)) => {
@@ -391,6 +453,7 @@ fn kinetic_law(sbml: &mut Sbml, node: Node<'_, '_>, reaction: &str) -> Result<Ma
     let renamed = math_needed(node)?.map(&mut |part| {
         Ok(match part {
             Math::Name(name) => Math::Name(own.get(&name).cloned().unwrap_or(name)),
+            Math::RateOf(name) => Math::RateOf(own.get(&name).cloned().unwrap_or(name)),
             other => other,
         })
     });
@@ -402,27 +465,13 @@ fn local_id(reaction: &str, parameter: &str) -> String {
     format!("{reaction}.{parameter}")
 }
 
-fn event(node: Node<'_, '_>, number: usize) -> Result<Event, Fault> {
+/// An event; `None` for one without a trigger, which never happens.
+fn event(node: Node<'_, '_>, number: usize) -> Result<Option<Event>, Fault> {
     let id = owned(node, "id").unwrap_or_else(|| format!("event_{}", number + 1));
-    let mut trigger = None;
-    let mut starts_true = true;
     let mut assignments = vec![];
     for item in meaning(node) {
         match tag(item) {
-            "trigger" => {
-                starts_true = flag(item, "initialValue", true)?;
-                trigger = Some(math_needed(item)?);
-            }
-            "delay" => match math_of(item)? {
-                None | Some(Math::Number(0.0, _)) => {}
-                Some(_) => return Err(fault(item, format!("the event `{id}` has a delay, which has no counterpart"))),
-            },
-            "priority" => {
-                return Err(fault(
-                    item,
-                    format!("the event `{id}` has a priority, which has no counterpart: events of one instant follow the text"),
-                ));
-            }
+            "trigger" | "delay" | "priority" => {}
             "listOfEventAssignments" => {
                 for assignment in meaning(item) {
                     if let Some(math) = math_of(assignment)? {
@@ -433,6 +482,19 @@ fn event(node: Node<'_, '_>, number: usize) -> Result<Event, Fault> {
             _ => return Err(unknown(item, "event")),
         }
     }
-    let trigger = trigger.ok_or_else(|| fault(node, format!("the event `{id}` has no trigger")))?;
-    Ok(Event { at: node.range().start, id, name: owned(node, "name").unwrap_or_default(), trigger, starts_true, assignments })
+    let math = |name: &str| -> Result<Option<Math>, Fault> { only(node, name)?.map_or(Ok(None), math_of) };
+    let (delay, priority) = (math("delay")?.filter(|delay| !matches!(delay, Math::Number(0.0, _))), math("priority")?);
+    let (Some(condition), Some(trigger)) = (math("trigger")?, only(node, "trigger")?) else { return Ok(None) };
+    Ok(Some(Event {
+        at: node.range().start,
+        id,
+        name: owned(node, "name").unwrap_or_default(),
+        trigger: condition,
+        starts_true: flag(trigger, "initialValue", true)?,
+        persistent: flag(trigger, "persistent", true)?,
+        early_values: flag(node, "useValuesFromTriggerTime", true)?,
+        delay,
+        priority,
+        assignments,
+    }))
 }

@@ -1,107 +1,147 @@
 //! Events and constraints.
 
-use super::convert::{Conversion, at, quoted};
+use super::convert::{Conversion, at, comment};
 use super::document::{Event, Kind, Symbol, Target};
 use super::math::Math;
+use super::order;
 use super::roles::Role;
+use super::staged::Plan;
 use super::trigger::trigger;
-use super::units;
 use super::xml::Fault;
 
 impl Conversion<'_> {
     pub(super) fn events(&mut self) -> Result<(), Fault> {
-        if !self.sbml.events.is_empty() {
-            self.line("\n# events");
+        if self.sbml.events.is_empty() {
+            return Ok(());
         }
-        for event in &self.sbml.events {
-            self.event(event)?;
+        self.line("\n# events");
+        let rivals = order::rivals(self);
+        let plans: Vec<Option<Plan>> = (0..rivals.len()).map(|number| self.plan(number, rivals[number].clone())).collect();
+        let settling = self.settling(&plans);
+        for (number, event) in self.sbml.events.iter().enumerate() {
+            match &plans[number] {
+                Some(plan) => self.staged(event, plan, &plans, &settling)?,
+                None => self.simple(number, event)?,
+            }
         }
         Ok(())
     }
 
-    /// The condition of an event as the language takes it: one comparison; and with `ready`, that it has not held from the start on.
-    pub(super) fn condition(&self, event: &Event, negated: bool, ready: Option<&str>) -> Result<String, Fault> {
+    /// The condition of an event as the language takes it: one comparison.
+    pub(super) fn condition(&self, event: &Event, negated: bool) -> Result<String, Fault> {
         let refused = |why: String| at(event.at, format!("the trigger of the event `{}` {why}", event.id));
         let math = self.checked(event.at, &event.trigger)?;
-        let made = trigger(&math, negated).map_err(refused)?;
-        match ready {
-            None if made.plain => self.text(event.at, &math),
-            None => Ok(format!("{} {} 0", self.text(event.at, &made.value)?, if made.at_zero { ">=" } else { ">" })),
-            Some(ready) => {
-                let sign = if made.at_zero { ">=" } else { ">" };
-                Ok(format!("min({}, {ready} - 0.5) {sign} 0", self.text(event.at, &made.value)?))
-            }
+        let made = trigger(&math, negated, &|math| self.steps(math)).map_err(refused)?;
+        if made.plain {
+            return self.truth(event.at, &math);
         }
+        let value = match &made.value {
+            Math::Piecewise(..) => self.factor(event.at, &made.value)?,
+            value => self.text(event.at, value)?,
+        };
+        Ok(format!("{value} {} 0", if made.at_zero { ">=" } else { ">" }))
     }
 
-    pub(super) fn event(&mut self, event: &Event) -> Result<(), Fault> {
-        let name = self.names.of(&event.id);
+    /// Returns true for an expression that changes at events only.
+    fn steps(&self, math: &Math) -> bool {
+        let still = |id: &String| !matches!(self.roles.of(id), Some(Role::State | Role::Variable));
+        let behind = |id: &String| {
+            let rule = self.sbml.rules.iter().find(|r| r.target.id() == Some(id));
+            let rate = self.sbml.reactions.iter().find(|r| r.id == *id);
+            rule.map(|r| &r.math).into_iter().chain(rate.map(|r| &r.rate)).all(|math| !math.is_timed())
+        };
+        !math.is_timed() && self.read_by(math).iter().all(|id| still(id) && behind(id))
+    }
+
+    /// Declares whether an event has been without its condition, where that is a question: what holds from the start on has not become true. The name of
+    /// the variable.
+    pub(super) fn armed(&mut self, number: usize, event: &Event, name: &str) -> Result<Option<String>, Fault> {
         let starts = event.trigger.value(&mut |id| self.start_value(id, 0));
-        let comment = if event.name.is_empty() { String::new() } else { format!("    # {}", quoted(&event.name, 80)) };
-        if event.starts_true && starts != Some(0.0) {
-            // What holds from the start on has not become true: the event waits until it has ceased to.
-            let ready = self.names.fresh(&format!("{name}_ready"));
-            let again = self.names.fresh(&format!("{name}_again"));
-            let first = self.at_the_start(event.at, &self.checked(event.at, &event.trigger)?, 0)?;
-            let first = self.text(event.at, &first)?;
-            let (ceased, holds) = (self.condition(event, true, None)?, self.condition(event, false, Some(&ready))?);
-            self.line("# What holds from the start on has not become true: the event waits until it has ceased to.");
-            self.line(&format!("discrete {ready} = if {first} then 0 else 1"));
-            self.line(&format!("event {again} when {ceased}"));
-            self.line(&format!("at {again} {{ next {ready} = 1 }}"));
-            self.line(&format!("event {name} when {holds}{comment}"));
-        } else {
-            let condition = self.condition(event, false, None)?;
-            self.line(&format!("event {name} when {condition}{comment}"));
+        let delayed = self.first.delayed.get(&number).map(|delayed| &delayed.condition);
+        let ran = self.first.ran.get(&number).or(delayed).cloned();
+        if ran.is_none() && (!event.starts_true || starts == Some(0.0)) {
+            return Ok(None);
         }
-        let lines = self.assignments(event, &name)?;
+        let now = self.after(event.at, &event.trigger, &self.first.values)?;
+        let before = match ran {
+            Some(condition) => condition,
+            None => self.after(event.at, &event.trigger, &Default::default())?,
+        };
+        let both = if now == before || before.names().is_empty() { now } else { Math::Apply("and", vec![before, now]) };
+        let armed = self.names.fresh(&format!("{name}_armed"));
+        let value = match both.constant() {
+            Some(holds) => if holds == 0.0 { "1" } else { "0" }.to_owned(),
+            None => format!("if {} then 0 else 1", self.truth(event.at, &both)?),
+        };
+        self.line("# What holds from the start on has not become true: the event waits until it has ceased to hold.");
+        self.line(&format!("discrete {armed} = {value}"));
+        Ok(Some(armed))
+    }
+
+    /// An event that acts at once.
+    fn simple(&mut self, number: usize, event: &Event) -> Result<(), Fault> {
+        let name = self.names.of(&event.id);
+        let armed = if event.assignments.is_empty() { None } else { self.armed(number, event, &name)? };
+        let comment = comment(event);
+        let condition = self.condition(event, false)?;
+        self.line(&format!("event {name} when {condition}{comment}"));
+        let mut lines = vec![];
+        for (place, id, math) in &event.assignments {
+            let mut value = self.assigned(*place, id, math)?;
+            let kept = self.kept(id);
+            if let Some(armed) = &armed {
+                value = format!("if {armed} > 0.5 then {value} else {kept}");
+            }
+            lines.push(format!("{} {kept} = {value}", self.keyword(id)));
+        }
+        lines.sort_by_key(|line| line.starts_with("reset"));
+        lines.extend(armed.map(|armed| format!("next {armed} = 1")));
+        self.block(&name, &lines);
+        Ok(())
+    }
+
+    /// The keyword that changes a symbol at an event.
+    pub(super) fn keyword(&self, id: &str) -> &'static str {
+        if self.roles.of(id) == Some(Role::State) { "reset" } else { "next" }
+    }
+
+    /// `at` an event, unless nothing happens there.
+    pub(super) fn block(&mut self, name: &str, lines: &[String]) {
         if !lines.is_empty() {
             self.line(&format!("at {name} {{\n{}}}", lines.iter().map(|l| format!("  {l}\n")).collect::<String>()));
         }
-        Ok(())
     }
 
-    /// All values are those from before the event: a state that is set from what the event changes is set by way of a discrete variable.
-    pub(super) fn assignments(&mut self, event: &Event, name: &str) -> Result<Vec<String>, Fault> {
-        let targets: Vec<&str> = event.assignments.iter().map(|(_, id, _)| id.as_str()).collect();
-        let (mut nexts, mut resets) = (vec![], vec![]);
-        for (place, id, math) in &event.assignments {
-            let math = self.checked(*place, math)?;
-            let symbol = self.symbol(id).ok_or_else(|| at(*place, format!("unknown symbol `{id}`")))?.clone();
-            let mut value = self.text(*place, &math)?;
-            if self.roles.amounts.contains(id) {
-                let Kind::Species { compartment, .. } = &symbol.kind else { continue };
-                if targets.contains(&compartment.as_str()) {
-                    let message =
-                        format!("the event `{}` sets `{id}` and its compartment: which of the two comes first is not said", event.id);
-                    return Err(at(*place, message));
-                }
-                let size = self.compartment_name(&symbol).unwrap_or_else(|| "1".into());
-                value = format!("{}*{size}", self.factor(*place, &math)?);
-            }
-            let kept = self.kept(id);
-            let is_state = self.roles.of(id) == Some(Role::State);
-            if !is_state {
-                nexts.push(format!("next {kept} = {value}"));
-                continue;
-            }
-            let reads = self.read_by(&math);
-            let own_size = if let Kind::Species { compartment, .. } = &symbol.kind { Some(compartment.as_str()) } else { None };
-            let amount = self.roles.amounts.contains(id);
-            let mixed = targets.iter().any(|t| *t != id && (reads.iter().any(|r| r == t) || amount && own_size == Some(t)));
-            if mixed {
-                let aside = self.names.fresh(&format!("{kept}_at_{name}"));
-                let unit = if amount { units::text(&self.substance(&symbol)) } else { self.unit(&symbol) };
-                let line = self.declaration(&aside, &unit, "0", "set aside by the event");
-                self.line(&format!("discrete {line}"));
-                nexts.push(format!("next {aside} = {value}"));
-                resets.push(format!("reset {kept} = {aside}"));
-            } else {
-                resets.push(format!("reset {kept} = {value}"));
-            }
+    /// The value that an event gives to a symbol, or to its amount.
+    pub(super) fn assigned(&self, place: usize, id: &str, math: &Math) -> Result<String, Fault> {
+        let math = self.checked(place, math)?;
+        match self.own_size(id) {
+            Some(size) => Ok(format!("{}*{size}", self.factor(place, &math)?)),
+            None => self.text(place, &math),
         }
-        nexts.extend(resets);
-        Ok(nexts)
+    }
+
+    /// The size by which a concentration is multiplied to make the amount that is kept.
+    pub(super) fn own_size(&self, id: &str) -> Option<String> {
+        let symbol = self.symbol(id).filter(|_| self.roles.amounts.contains(id))?;
+        self.compartment_name(symbol)
+    }
+
+    /// Returns true for an event that sets a symbol from another one that it sets, of which it takes the value from before.
+    pub(super) fn is_mixed(&self, event: &Event) -> bool {
+        let reads = |id: &str, math: &Math| {
+            let mut reads = self.read_by(math);
+            if let Some(Symbol { kind: Kind::Species { compartment, .. }, .. }) = self.symbol(id)
+                && self.roles.amounts.contains(id)
+            {
+                reads.push(compartment.clone());
+            }
+            reads
+        };
+        event.assignments.iter().any(|(_, id, math)| {
+            let reads = reads(id, math);
+            event.targets().any(|target| target != id && reads.iter().any(|read| read == target))
+        })
     }
 
     /// What an expression reads, named expressions gone through.
@@ -127,10 +167,7 @@ impl Conversion<'_> {
 
     pub(super) fn constraints(&mut self) -> Result<(), Fault> {
         for (number, (place, math)) in self.sbml.constraints.iter().enumerate() {
-            if !math.is_condition() {
-                return Err(at(*place, "a constraint that is no condition"));
-            }
-            let text = self.text(*place, &self.checked(*place, math)?)?;
+            let text = self.truth(*place, &self.checked(*place, math)?)?;
             let name = self.names.fresh(&format!("constraint_{}", number + 1));
             self.line(&format!("constraint {name} when not ({text})"));
         }

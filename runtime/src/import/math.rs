@@ -36,7 +36,7 @@ pub(super) enum Math {
 pub(super) type Functions = HashMap<String, (Vec<String>, Math)>;
 
 /// Operators and functions of MathML: name there, name here, fewest and most arguments.
-const OPERATORS: [(&str, &str, usize, usize); 46] = [
+const OPERATORS: [(&str, &str, usize, usize); 50] = [
     ("plus", "+", 0, usize::MAX),
     ("times", "*", 0, usize::MAX),
     ("minus", "-", 1, 2),
@@ -68,6 +68,10 @@ const OPERATORS: [(&str, &str, usize, usize); 46] = [
     ("arccot", "arccot", 1, 1),
     ("arcsec", "arcsec", 1, 1),
     ("arccsc", "arccsc", 1, 1),
+    ("arccoth", "arccoth", 1, 1),
+    ("arcsech", "arcsech", 1, 1),
+    ("arccsch", "arccsch", 1, 1),
+    ("factorial", "factorial", 1, 1),
     ("eq", "==", 2, usize::MAX),
     ("neq", "!=", 2, 2),
     ("gt", ">", 2, usize::MAX),
@@ -76,7 +80,7 @@ const OPERATORS: [(&str, &str, usize, usize); 46] = [
     ("leq", "<=", 2, usize::MAX),
     ("and", "and", 0, usize::MAX),
     ("or", "or", 0, usize::MAX),
-    ("xor", "xor", 2, 2),
+    ("xor", "xor", 0, usize::MAX),
     ("not", "not", 1, 1),
     ("implies", "implies", 2, 2),
     ("max", "max", 1, usize::MAX),
@@ -96,8 +100,11 @@ pub(super) fn read(math: Node<'_, '_>) -> Result<Math, Fault> {
 
 /// The arguments and the value of a function definition.
 pub(super) fn read_function(math: Node<'_, '_>) -> Result<(Vec<String>, Math), Fault> {
-    let mut inside = children(math);
-    let lambda = inside.next().filter(|n| tag(*n) == "lambda");
+    let inside: Vec<Node<'_, '_>> = children(math).collect();
+    let lambda = match inside[..] {
+        [one] if tag(one) == "lambda" => Some(one),
+        _ => None,
+    };
     let lambda = lambda.ok_or_else(|| fault(math, "a function definition holds a `lambda`"))?;
     let mut arguments = vec![];
     let mut value = None;
@@ -142,6 +149,9 @@ fn expression(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
 fn constant(node: Node<'_, '_>) -> Result<Math, Fault> {
     let parts: Vec<&str> = node.children().filter(Node::is_text).map(|n| n.text().unwrap_or_default().trim()).collect();
     let parts: Vec<f64> = parts.iter().filter(|p| !p.is_empty()).map(|p| number(node, p)).collect::<Result<_, _>>()?;
+    if let Some(base) = attribute(node, "base").filter(|base| base.trim() != "10") {
+        return Err(fault(node, format!("a number to the base {base} is not read")));
+    }
     let value = match (attribute(node, "type").unwrap_or("real"), &parts[..]) {
         ("real" | "integer", [x]) => *x,
         ("e-notation", [m, e]) => format!("{m}e{e}").parse().unwrap_or(f64::NAN),
@@ -198,7 +208,16 @@ fn apply(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
     if rest.len() < *fewest || rest.len() > *most {
         return Err(fault(node, format!("`{name}` with {} arguments", rest.len())));
     }
-    Ok(Math::Apply(here, arguments(&rest)?))
+    Ok(folded(here, arguments(&rest)?))
+}
+
+/// An operator of MathML; `xor` of any number of arguments by that of two.
+fn folded(name: &'static str, mut arguments: Vec<Math>) -> Math {
+    if name != "xor" || arguments.len() == 2 {
+        return Math::Apply(name, arguments);
+    }
+    let Some(last) = arguments.pop() else { return Math::Constant("false") };
+    if arguments.is_empty() { last } else { Math::Apply("xor", vec![folded("xor", arguments), last]) }
 }
 
 /// `root` and `log`: the first argument may be a qualifier.
@@ -233,6 +252,7 @@ fn piecewise(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
         let inside: Vec<Node<'_, '_>> = children(part).collect();
         match (tag(part), &inside[..]) {
             ("piece", [value, condition]) => pieces.push((expression(*value, depth + 1)?, expression(*condition, depth + 1)?)),
+            ("otherwise", _) if otherwise.is_some() => return Err(fault(part, "a second `otherwise` in `piecewise`")),
             ("otherwise", [value]) => otherwise = Some(expression(*value, depth + 1)?),
             _ => return Err(fault(part, "`piecewise` holds pieces of a value and a condition, and `otherwise` with a value")),
         }
@@ -267,6 +287,59 @@ impl Math {
             }
         });
         names
+    }
+
+    /// Returns true for comparisons for equality, and numbers as truth values.
+    pub(super) fn has_equality(&self) -> bool {
+        let mut found = false;
+        self.each(&mut |part| {
+            found |= match part {
+                Math::Apply("==" | "!=", _) => true,
+                Math::Apply("and" | "or" | "xor" | "not" | "implies", parts) => parts.iter().any(|p| !p.is_condition()),
+                Math::Piecewise(pieces, _) => pieces.iter().any(|(_, condition)| !condition.is_condition()),
+                _ => false,
+            }
+        });
+        found
+    }
+
+    /// The expression with truth values and numbers where the language takes them: truth is 1 and 0 as a number, and a number other than 0 is true.
+    pub(super) fn typed(&self, truth: bool) -> Math {
+        let number = |x: f64| Math::Number(x, None);
+        let all = |list: &[Math], truth: bool| list.iter().map(|part| part.typed(truth)).collect::<Vec<_>>();
+        let made = match self {
+            Math::Piecewise(pieces, otherwise) => {
+                let pieces = pieces.iter().map(|(value, condition)| (value.typed(truth), condition.typed(true))).collect();
+                return Math::Piecewise(pieces, Box::new(otherwise.typed(truth)));
+            }
+            Math::Apply(f @ ("and" | "or" | "xor" | "not" | "implies"), parts) => Math::Apply(f, all(parts, true)),
+            Math::Apply(f, parts) => Math::Apply(f, all(parts, false)),
+            other => other.clone(),
+        };
+        match (truth, made.is_condition()) {
+            (true, false) => Math::Apply("!=", vec![made, number(0.0)]),
+            (false, true) => Math::Piecewise(vec![(number(1.0), made)], Box::new(number(0.0))),
+            _ => made,
+        }
+    }
+
+    /// Returns true for an expression that reads the time or a rate.
+    pub(super) fn is_timed(&self) -> bool {
+        let mut found = self.has_rates();
+        self.each(&mut |part| found |= *part == Math::Time);
+        found
+    }
+
+    /// The value of an expression of numbers alone.
+    pub(super) fn constant(&self) -> Option<f64> {
+        if self.is_timed() { None } else { self.value(&mut |_| None) }
+    }
+
+    /// Returns true for an expression that reads a rate.
+    pub(super) fn has_rates(&self) -> bool {
+        let mut found = false;
+        self.each(&mut |part| found |= matches!(part, Math::RateOf(_)));
+        found
     }
 
     /// The expression with every part replaced from below.
@@ -310,10 +383,14 @@ impl Math {
                     return Err("function definitions that grow beyond reason".into());
                 }
                 let place = match &part {
-                    Math::Name(own) => names.iter().position(|n| n == own),
+                    Math::Name(own) | Math::RateOf(own) => names.iter().position(|n| n == own),
                     _ => None,
                 };
-                Ok(place.map_or(part, |at| arguments[at].clone()))
+                match (part, place.map(|at| &arguments[at])) {
+                    (Math::RateOf(_), Some(Math::Name(id))) => Ok(Math::RateOf(id.clone())),
+                    (Math::RateOf(own), Some(_)) => Err(format!("`rateOf` of the argument `{own}`, which is not a symbol here")),
+                    (part, argument) => Ok(argument.cloned().unwrap_or(part)),
+                }
             })
         })
     }
@@ -323,7 +400,7 @@ impl Math {
         match self {
             Math::Apply(f, _) => matches!(*f, "==" | "!=" | ">" | "<" | ">=" | "<=" | "and" | "or" | "xor" | "not" | "implies"),
             Math::Constant(c) => matches!(*c, "true" | "false"),
-            Math::Piecewise(_, otherwise) => otherwise.is_condition(),
+            Math::Piecewise(pieces, otherwise) => otherwise.is_condition() && pieces.iter().all(|(value, _)| value.is_condition()),
             _ => false,
         }
     }
@@ -378,7 +455,13 @@ fn evaluate(f: &str, x: &[f64]) -> Option<f64> {
         ("sin", [a]) => a.sin(),
         ("cos", [a]) => a.cos(),
         ("tan", [a]) => a.tan(),
+        ("sinh", [a]) => a.sinh(),
+        ("cosh", [a]) => a.cosh(),
         ("tanh", [a]) => a.tanh(),
+        ("asin", [a]) => a.asin(),
+        ("acos", [a]) => a.acos(),
+        ("atan", [a]) => a.atan(),
+        ("implies", [a, b]) => truth(*a == 0.0 || *b != 0.0),
         ("==", _) => chain(&|a, b| a == b),
         ("!=", [a, b]) => truth(a != b),
         (">", _) => chain(&|a, b| a > b),

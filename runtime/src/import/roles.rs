@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::document::{Kind, Sbml, Symbol, Target};
+use super::document::{Event, Kind, Sbml, Symbol, Target};
 use super::math::Math;
 use super::xml::Fault;
 
@@ -92,15 +92,16 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
         roles.entry(symbol.id.clone()).or_insert(Role::Parameter);
     }
     starts(sbml, &mut roles);
-    // The amount of a concentration that is given where the compartment changes is known at the start only.
-    for id in amounts(sbml, &roles, &ruled) {
-        let by_concentration = known.get(id.as_str()).is_some_and(|s| matches!(s.kind, Kind::Species { starts_as_amount: false, .. }));
-        if roles.get(&id) == Some(&Role::Parameter) && (by_concentration || sbml.initial.contains_key(&id)) {
-            roles.insert(id, Role::Discrete);
+    for id in set_with_contents(sbml) {
+        if roles.get(id) == Some(&Role::Discrete) {
+            roles.insert(id.to_owned(), Role::State);
         }
     }
+    let kept = amounts(sbml, &roles);
+    let late: Vec<String> = sbml.symbols.iter().filter(|s| starts_late(sbml, &roles, &kept, s)).map(|s| s.id.clone()).collect();
+    roles.extend(late.into_iter().map(|id| (id, Role::Discrete)));
     starts(sbml, &mut roles);
-    let amounts = amounts(sbml, &roles, &ruled);
+    let amounts = amounts(sbml, &roles);
     Ok(Roles { roles, amounts })
 }
 
@@ -162,9 +163,8 @@ fn augment(rule: usize, candidates: &[Vec<String>], of: &mut HashMap<String, usi
 fn starts(sbml: &Sbml, roles: &mut HashMap<String, Role>) {
     loop {
         let late = |id: &str, math: &Math| {
-            let mut timed = false;
-            math.each(&mut |part| timed |= matches!(part, Math::RateOf(_)));
-            roles.get(id) == Some(&Role::Parameter) && (timed || math.names().iter().any(|n| roles.get(n) != Some(&Role::Parameter)))
+            roles.get(id) == Some(&Role::Parameter)
+                && (math.has_rates() || math.names().iter().any(|n| roles.get(n) != Some(&Role::Parameter)))
         };
         let found: Vec<String> = sbml.initial.iter().filter(|(id, math)| late(id, math)).map(|(id, _)| id.clone()).collect();
         if found.is_empty() {
@@ -174,14 +174,43 @@ fn starts(sbml: &Sbml, roles: &mut HashMap<String, Role>) {
     }
 }
 
-/// Species that are concentrations in compartments that change: their amounts are what is kept.
-fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>, ruled: &HashSet<String>) -> HashSet<String> {
-    let changes = |compartment: &str| roles.get(compartment) != Some(&Role::Parameter);
-    let kept = |s: &&Symbol| match &s.kind {
-        Kind::Species { compartment, amount: false, .. } => {
-            changes(compartment) && !ruled.contains(&s.id) && roles.get(&s.id) != Some(&Role::Variable)
-        }
-        _ => false,
+/// Compartments that one event sets together with the concentration of a species in them, and that have no rate. They are states with the rate 0: an event
+/// sets its states from the values before it, and the concentration counts for the size before.
+fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
+    let within = |event: &Event, size: &str| {
+        event.assignments.iter().any(|(_, id, _)| {
+            let species = sbml.symbols.iter().find(|s| s.id == *id).map(|s| &s.kind);
+            matches!(species, Some(Kind::Species { compartment, amount: false, .. }) if compartment == size)
+        })
+    };
+    let of_event = |event| Event::targets(event).filter(move |id| within(event, id));
+    sbml.events.iter().flat_map(of_event).collect()
+}
+
+/// Returns true for a parameter whose initial value needs the size of a compartment that is not a parameter.
+fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<String>, symbol: &Symbol) -> bool {
+    let Kind::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else { return false };
+    if roles.get(&symbol.id) != Some(&Role::Parameter) || roles.get(compartment) == Some(&Role::Parameter) {
+        return false;
+    }
+    let as_amount = *amount || amounts.contains(&symbol.id);
+    let given = sbml.initial.contains_key(&symbol.id);
+    if given { as_amount && !*amount } else { as_amount != *starts_as_amount }
+}
+
+/// Species that are concentrations in compartments that change: their amounts are kept. A rate rule of a concentration stays one, unless an event may change
+/// the size at once, which leaves the amount as it is.
+fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>) -> HashSet<String> {
+    let resized: HashSet<&str> = sbml.events.iter().flat_map(Event::targets).collect();
+    let kept = |s: &&Symbol| {
+        let Kind::Species { compartment, amount: false, .. } = &s.kind else { return false };
+        let rule = sbml.rules.iter().find(|r| r.target.id() == Some(&s.id)).map(|r| &r.target);
+        let by_itself = match rule {
+            Some(Target::Rate(_)) => !resized.contains(compartment.as_str()),
+            Some(_) => true,
+            None => roles.get(&s.id) == Some(&Role::Variable),
+        };
+        roles.get(compartment) != Some(&Role::Parameter) && !by_itself
     };
     sbml.symbols.iter().filter(kept).map(|s| s.id.clone()).collect()
 }

@@ -1,5 +1,7 @@
 //! Initial values: numbers, amounts for concentrations and the other way round, what follows from what else is known at the start.
 
+use std::collections::HashMap;
+
 use super::convert::{Conversion, LITERAL, at};
 use super::document::{Kind, Symbol, Target};
 use super::math::Math;
@@ -28,6 +30,12 @@ impl Conversion<'_> {
             Kind::Species { amount, starts_as_amount, .. } => (*amount || as_amount, *starts_as_amount),
             _ => (false, false),
         };
+        if let Some(math) = self.first.values.get(&symbol.id).filter(|_| self.set_at_the_start(&symbol.id)) {
+            let Some(size) = self.size_after_first_events(symbol)?.filter(|_| as_amount) else {
+                return Ok(Some((self.text(symbol.at, math)?, matches!(math, Math::Number(_, None)))));
+            };
+            return Ok(Some((format!("{}*{size}", self.factor(symbol.at, math)?), false)));
+        }
         let size = self.size_at_the_start(symbol)?;
         let is_species = matches!(symbol.kind, Kind::Species { .. });
         if let Some(math) = self.sbml.initial.get(&symbol.id) {
@@ -53,6 +61,20 @@ impl Conversion<'_> {
         }
     }
 
+    /// Returns true for a symbol that an event at the start sets.
+    fn set_at_the_start(&self, id: &str) -> bool {
+        self.first.ran.keys().any(|event| self.sbml.events[*event].targets().any(|target| target == id))
+    }
+
+    /// The size of a species' compartment after the events at the start.
+    fn size_after_first_events(&self, symbol: &Symbol) -> Result<Option<String>, Fault> {
+        let Kind::Species { compartment, .. } = &symbol.kind else { return Ok(None) };
+        match self.first.values.get(compartment) {
+            Some(size) => self.factor(symbol.at, size).map(Some),
+            None => self.size_at_the_start(symbol),
+        }
+    }
+
     /// The size of a species' compartment as initial values may read it.
     pub(super) fn size_at_the_start(&self, symbol: &Symbol) -> Result<Option<String>, Fault> {
         match &symbol.kind {
@@ -67,23 +89,49 @@ impl Conversion<'_> {
     /// An expression as initial values may read it: time is 0; discrete variables get their values after the states, so
     /// what they start from stands for them.
     pub(super) fn at_the_start(&self, place: usize, math: &Math, depth: usize) -> Result<Math, Fault> {
+        self.at_the_start_after(place, math, &HashMap::new(), depth)
+    }
+
+    /// The same where some symbols have been given other values.
+    pub(super) fn at_the_start_after(&self, place: usize, math: &Math, now: &HashMap<String, Math>, depth: usize) -> Result<Math, Fault> {
         if depth > DEEPEST || !self.goes_on() {
             return Err(at(place, "initial values that follow from one another without end"));
         }
-        let late = |id: &str| self.read_by(&Math::Name(id.to_owned())).iter().any(|n| self.roles.of(n) == Some(Role::Discrete));
+        let moves = |id: &str| self.roles.of(id) == Some(Role::Discrete) || self.first.before && self.targets.contains(id);
+        let late = |id: &str| self.read_by(&Math::Name(id.to_owned())).iter().any(|id| moves(id.as_str()));
         let changed = math.map(&mut |part| {
             let id = match &part {
                 Math::Time => return Ok(Math::Number(0.0, None)),
+                Math::RateOf(id) => {
+                    let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Rate(own) if own == id));
+                    return match rule.filter(|rule| self.first.before && !rule.math.has_rates()) {
+                        Some(rule) => {
+                            let math = self.at_the_start_after(place, &rule.math, now, depth + 1);
+                            math.map_err(|fault| fault.message)
+                        }
+                        None => Ok(part),
+                    };
+                }
                 Math::Name(id) => id,
                 _ => return Ok(part),
             };
+            if let Some(value) = now.get(id) {
+                return Ok(value.clone());
+            }
             if !late(id) {
                 return Ok(part);
             }
-            let below = |math: &Math| self.at_the_start(place, math, depth + 1).map_err(|fault| fault.message);
+            let below = |math: &Math, now: &HashMap<String, Math>| {
+                let checked = self.checked(place, math).and_then(|math| self.at_the_start_after(place, &math, now, depth + 1));
+                checked.map_err(|fault| fault.message)
+            };
             let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if own == id)).map(|r| &r.math);
             let rate = self.sbml.reactions.iter().find(|r| r.id == *id).map(|r| &r.rate);
-            if let Some(math) = rule.or(rate).or_else(|| self.sbml.initial.get(id)) {
+            if let Some(math) = rule.or(rate) {
+                return below(math, now);
+            }
+            let below = |math: &Math| below(math, &HashMap::new());
+            if let Some(math) = self.sbml.initial.get(id) {
                 return below(math);
             }
             let symbol = self.symbol(id).ok_or_else(|| format!("unknown symbol `{id}`"))?;

@@ -1,6 +1,7 @@
-//! Triggers of events as one comparison, which is what an event of the language takes.
+//! Triggers of events as one comparison, which is the form that an event of the language takes.
 //!
-//! `a > 1 and b < 2` is `min(a - 1, 2 - b) > 0`: a function that is continuous where its parts are, so that its zeros are found.
+//! `a > 1 and b < 2` is `min(a - 1, 2 - b) > 0`: a function that is continuous where its parts are, so that its zeros are found. Conditions without such
+//! a function jump from -1 to 1.
 
 use super::math::Math;
 
@@ -13,30 +14,39 @@ pub(super) struct Trigger {
 }
 
 /// Which comparisons occur in a condition.
-#[derive(Default)]
-struct Seen {
+struct Seen<'a> {
     strict: bool,
     weak: bool,
     comparisons: usize,
     strict_time: bool,
+    /// Returns true for an expression that changes at events only.
+    steps: &'a dyn Fn(&Math) -> bool,
 }
 
-/// The trigger of a condition, or of its negation.
+/// The trigger of a condition, or of its negation; `steps` is whether an expression changes at events only.
 ///
 /// # Errors
 /// In words, if the condition has no such function.
-pub(super) fn trigger(condition: &Math, negated: bool) -> Result<Trigger, String> {
-    let mut seen = Seen::default();
+pub(super) fn trigger(condition: &Math, negated: bool, steps: &dyn Fn(&Math) -> bool) -> Result<Trigger, String> {
+    let mut seen = Seen { strict: false, weak: false, comparisons: 0, strict_time: false, steps };
     let value = function(condition, negated, &mut seen)?;
     if seen.strict && seen.weak {
-        return Err("mixes `<` with `<=`: at the thresholds one comparison cannot say both".into());
+        // At the thresholds no one comparison says both.
+        return Ok(Trigger { value: jump(condition, negated), at_zero: false, plain: false });
     }
     let at_zero = if seen.strict || seen.weak { seen.weak } else { !seen.strict_time };
     let plain = seen.comparisons == 1 && !negated && matches!(condition, Math::Apply("<" | ">" | "<=" | ">=", _));
     Ok(Trigger { value, at_zero, plain })
 }
 
-fn function(condition: &Math, negated: bool, seen: &mut Seen) -> Result<Math, String> {
+/// 1 where the condition holds, else -1, or the other way round.
+fn jump(condition: &Math, negated: bool) -> Math {
+    let (holds, otherwise) = if negated { (-1.0, 1.0) } else { (1.0, -1.0) };
+    let number = |x: f64| Math::Number(x, None);
+    Math::Piecewise(vec![(number(holds), condition.clone())], Box::new(number(otherwise)))
+}
+
+fn function(condition: &Math, negated: bool, seen: &mut Seen<'_>) -> Result<Math, String> {
     let mut list = |list: &[Math], negated: bool| list.iter().map(|c| function(c, negated, seen)).collect::<Result<Vec<_>, _>>();
     match condition {
         Math::Apply("not", inner) => function(&inner[0], !negated, seen),
@@ -54,7 +64,7 @@ fn function(condition: &Math, negated: bool, seen: &mut Seen) -> Result<Math, St
             let either = Math::Apply("or", vec![one(inner[0].clone(), not(1)), one(not(0), inner[1].clone())]);
             function(&either, negated, seen)
         }
-        Math::Apply(f @ ("<" | ">" | "<=" | ">="), sides) => {
+        Math::Apply(f @ ("<" | ">" | "<=" | ">="), sides) if !sides.iter().any(Math::is_condition) => {
             let pairs = sides.windows(2).map(|pair| {
                 let timed = pair.contains(&Math::Time);
                 let strict = f.len() == 1;
@@ -77,7 +87,9 @@ fn function(condition: &Math, negated: bool, seen: &mut Seen) -> Result<Math, St
                 _ => Math::Apply(if negated { "max" } else { "min" }, all),
             })
         }
+        other if (seen.steps)(other) => Ok(jump(other, negated)),
         Math::Apply("==" | "!=", _) => Err("asks for equality, which has no instant".into()),
+        other if other.is_condition() && !other.has_equality() => Ok(jump(other, negated)),
         _ => Err("is no comparison".into()),
     }
 }

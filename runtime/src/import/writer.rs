@@ -75,9 +75,6 @@ impl Writer<'_> {
     }
 
     fn piecewise(&self, pieces: &[(Math, Math)], otherwise: &Math) -> Result<(String, Level), String> {
-        if otherwise.is_condition() {
-            return Err("`piecewise` of truth values".into());
-        }
         let mut text = String::new();
         for (value, condition) in pieces {
             let _ = write!(text, "if {} then {} else ", self.condition(condition, Level::Or)?, self.within(value, Level::Or)?);
@@ -140,6 +137,19 @@ impl Writer<'_> {
                 let x = self.within(a, Level::Atom)?;
                 Ok((format!("ln({x} + sqrt({x} - 1)*sqrt({x} + 1))"), Level::Atom))
             }
+            ("arccoth", [a]) => {
+                let x = self.within(a, Level::Atom)?;
+                of(format!("ln(({x} + 1)/({x} - 1))/2"))
+            }
+            ("arcsech" | "arccsch", [a]) => {
+                let inverse = Math::Apply("/", vec![Math::Number(1.0, None), a.clone()]);
+                self.apply(if f == "arcsech" { "arccosh" } else { "arcsinh" }, &[inverse])
+            }
+            ("factorial", [a]) => {
+                let number = a.constant().filter(|x| x.fract() == 0.0 && (0.0..=170.0).contains(x));
+                let number = number.ok_or("`factorial` of anything but a whole number from 0 to 170 has no counterpart")?;
+                Ok((shown((1..=number as u32).map(f64::from).product()), Level::Atom))
+            }
             ("arctanh", [a]) => {
                 let x = self.within(a, Level::Atom)?;
                 of(format!("ln((1 + {x})/(1 - {x}))/2"))
@@ -182,9 +192,6 @@ impl Writer<'_> {
 
     /// `a < b < c` is `a < b and b < c`.
     fn comparisons(&self, f: &str, arguments: &[Math]) -> Result<(String, Level), String> {
-        if arguments.iter().any(Math::is_condition) {
-            return Err("truth values are compared".into());
-        }
         let parts: Vec<String> = arguments.iter().map(|a| self.within(a, Level::Sum)).collect::<Result<_, _>>()?;
         let pairs: Vec<String> = parts.windows(2).map(|pair| format!("{} {f} {}", pair[0], pair[1])).collect();
         Ok((pairs.join(" and "), if pairs.len() > 1 { Level::And } else { Level::Compare }))

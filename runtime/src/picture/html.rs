@@ -24,8 +24,8 @@ pub(super) fn page(picture: &Picture) -> String {
 /// A part of a page. Names of clip paths are made its own, so that several parts can stand on one page.
 pub(super) fn part(picture: &Picture, id: &str) -> String {
     let svg = picture.svg().replace("id=\"seen-", &format!("id=\"{id}-seen-")).replace("url(#seen-", &format!("url(#{id}-seen-"));
-    // A text within a script ends at the first `</`, wherever it stands.
-    let data = data(picture).to_string().replace("</", "<\\/");
+    // `</` or `<!--` in a text would end the script or comment out its end.
+    let data = data(picture).to_string().replace('<', "\\u003c");
     format!(
         "<div class=\"smpl-picture\" id=\"{id}\">\n<style>{STYLE}</style>\n{svg}<div class=\"smpl-reading\" hidden></div>\n\
          <p class=\"smpl-help\">Point at a curve to read it; drag across to enlarge a time, double-click for all of it.</p>\n\

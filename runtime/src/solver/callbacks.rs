@@ -241,9 +241,8 @@ impl Bridge {
         if self.operations.all_finite(residual.blocks()) {
             return true;
         }
-        self.counts.not_finite += 1;
         let row = residual.entries().iter().position(|x| !x.is_finite()).unwrap_or(0);
-        self.note(Trouble::Residual { time, row });
+        self.note_not_finite(time, row);
         false
     }
 
@@ -266,6 +265,27 @@ impl Bridge {
         let entry = self.values.iter().position(|x| !x.is_finite()).unwrap_or(0);
         self.note(Trouble::Jacobian { time, entry });
         Err(RECOVERABLE)
+    }
+
+    /// Evaluates the Jacobian into `values`, of which only these entries must be finite.
+    pub(super) fn jacobian_of(&mut self, entries: &[usize], time: f64, y: &Content, yp: &Content) -> Result<(), c_int> {
+        let mut values = std::mem::take(&mut self.values);
+        let done = self.jacobian_at(time, 0.0, (y, yp), &mut values);
+        self.values = values;
+        done?;
+        match entries.iter().find(|&&entry| !self.values[entry].is_finite()) {
+            None => Ok(()),
+            Some(&entry) => {
+                self.note(Trouble::Jacobian { time, entry });
+                Err(RECOVERABLE)
+            }
+        }
+    }
+
+    /// Notes that an equation is not finite.
+    pub(super) fn note_not_finite(&mut self, time: f64, row: usize) {
+        self.counts.not_finite += 1;
+        self.note(Trouble::Residual { time, row });
     }
 
     /// The first time from `t` on at which the equations change their form.

@@ -7,6 +7,8 @@
 //! * y' = f, and z' from g_z z' = −(g_t + g_y y'), so that IDA's first prediction is right to first order in z too;
 //! * y'' = f_t + f_y y' + f_z z', which gives the local error of a first step of order one, h² y''/2, beforehand.
 
+mod inside;
+
 use super::callbacks::Bridge;
 use super::linear::Factorisation;
 use super::quadrature::Integrals;
@@ -100,6 +102,10 @@ pub(crate) struct Consistent {
     /// Newton correction with zeros in the differential unknowns.
     spread: Vector,
     start: Box<[f64]>,
+    /// Bounds of the algebraic unknowns, where there are any.
+    inside: Option<inside::Inside>,
+    /// All rows have been finite; until then, rows of states need not be: a rate is 1/x, and the guess of x is 0.
+    whole: bool,
 }
 
 impl Consistent {
@@ -130,6 +136,8 @@ impl Consistent {
         Ok(Self {
             correction: vec![0.0; algebraic.len()].into(),
             start: vec![0.0; algebraic.len()].into(),
+            inside: system.bounds().map(|bounds| inside::Inside::new(bounds, n)),
+            whole: true,
             algebraic,
             differential,
             pattern,
@@ -160,10 +168,20 @@ impl Consistent {
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
     pub(super) fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
+        self.whole = false;
         self.evaluate(bridge, t, y, yp)?;
         if !self.algebraic.is_empty() {
             self.solve_algebraic(bridge, t, y, yp)?;
         }
+        self.take_rates(bridge, t, yp)
+    }
+
+    /// Sets the differential entries of `yp` from the residual of the solution, the others to zero.
+    fn take_rates(&mut self, bridge: &mut Bridge, t: f64, yp: &mut Vector) -> Result<(), Inconsistent> {
+        if !self.whole && !bridge.is_finite(t, &self.residual) {
+            return Err(Inconsistent::Callback);
+        }
+        self.whole = true;
         let rows = yp.entries_mut().iter_mut().zip(self.residual.entries()).zip(&self.differential);
         rows.for_each(|((rate, residual), &differential)| *rate = if differential { *residual } else { 0.0 });
         Ok(())
@@ -178,6 +196,7 @@ impl Consistent {
         if !self.factorised {
             return false;
         }
+        self.whole = true;
         let mut size = self.correct_small(bridge, y, Some(off));
         if size <= NEGLIGIBLE {
             rates.copy_from_slice(off);
@@ -213,8 +232,20 @@ impl Consistent {
     }
 
     fn evaluate(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        let done = bridge.evaluate(t, y, yp, &mut self.residual);
-        if done.is_ok() && bridge.is_finite(t, &self.residual) { Ok(()) } else { Err(Inconsistent::Callback) }
+        bridge.evaluate(t, y, yp, &mut self.residual).map_err(|_| Inconsistent::Callback)?;
+        if bridge.operations.all_finite(self.residual.blocks()) {
+            self.whole = true;
+            return Ok(());
+        }
+        let residual = self.residual.entries();
+        let own = self.algebraic.iter().copied().find(|&row| !residual[row].is_finite());
+        match own.or_else(|| self.whole.then(|| residual.iter().position(|x| !x.is_finite())).flatten()) {
+            None => Ok(()),
+            Some(row) => {
+                bridge.note_not_finite(t, row);
+                Err(Inconsistent::Callback)
+            }
+        }
     }
 
     /// Newton's method on the algebraic rows; leaves the residual of the solution.
@@ -248,7 +279,12 @@ impl Consistent {
     }
 
     fn factorise_block(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<(), Inconsistent> {
-        bridge.jacobian(t, 0.0, y, yp).map_err(|_| Inconsistent::Callback)?;
+        bridge.jacobian_of(&self.block_entries, t, y, yp).map_err(|_| Inconsistent::Callback)?;
+        self.factorise_values(bridge)
+    }
+
+    /// Factorises g_z, taken from the Jacobian that the bridge holds.
+    fn factorise_values(&mut self, bridge: &Bridge) -> Result<(), Inconsistent> {
         for (value, &entry) in self.block_values.iter_mut().zip(&self.block_entries) {
             *value = bridge.values[entry];
         }
@@ -310,7 +346,8 @@ impl Consistent {
     pub(super) fn first_step(&mut self, start: &mut Start<'_>, safety: f64) -> Result<f64, Inconsistent> {
         let Start { bridge, time, interval, y, yp, quadratures } = start;
         let (t, later) = (*time, *time + (1e-7 * *interval).max(1e-8 * time.abs()).min(*interval));
-        self.factorise_block(bridge, t, y, yp)?;
+        bridge.jacobian(t, 0.0, y, yp).map_err(|_| Inconsistent::Callback)?;
+        self.factorise_values(bridge)?;
         self.time_derivative(bridge, t, later, y, yp)?;
         self.accumulate(bridge, yp, |differential, row_differential| differential && !row_differential);
         std::mem::swap(&mut self.work, &mut self.residual);

@@ -3,6 +3,7 @@
 mod breaks;
 mod events;
 mod setup;
+mod start;
 
 use std::os::raw::c_int;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -18,7 +19,7 @@ use super::sundials::{IdaCounts, Memory, Task, check};
 use super::traverse::{SHORT, Traverse};
 use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
-use super::{Advance, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
+use super::{Advance, Bounds, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
 
 /// Where an instance stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -64,6 +65,8 @@ struct Shape {
     /// Row and column of each entry of the Jacobian.
     rows: Box<[usize]>,
     columns: Box<[usize]>,
+    /// Bounds of the algebraic unknowns, where there are any.
+    bounds: Option<Bounds>,
 }
 
 /// What is known of what was integrated before.
@@ -129,25 +132,16 @@ impl Ida {
         IdaFlag { value, message: self.memory.message() }
     }
 
-    fn initialise(&mut self) -> Result<(), SolveError> {
+    /// Consistent values; `first` where there were none before, so that the algebraic unknowns are guesses.
+    fn initialise(&mut self, first: bool) -> Result<(), SolveError> {
         self.memory.begin();
         match &mut self.consistent {
             Some(consistent) => consistent
-                .initialise(self.memory.bridge_mut(), self.time, &mut self.y, &mut self.yp)
+                .begin(self.memory.bridge_mut(), first, self.time, (&mut self.y, &mut self.yp))
                 .map_err(|cause| self.inconsistent(cause)),
+            None if first => self.search_initial_condition(),
             None => self.calculate_initial_condition(),
         }
-    }
-
-    /// IDA's own search for y' and the algebraic unknowns of an implicit system.
-    fn calculate_initial_condition(&mut self) -> Result<(), SolveError> {
-        let first = self.time + self.past.last_interval;
-        let value = self.memory.calculate_start(self.time, &mut self.y, &mut self.yp, first);
-        if value == IDA_SUCCESS {
-            return Ok(());
-        }
-        let (time, flag, unknown) = (self.time, self.flag(value), self.largest_residual());
-        Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time, flag, unknown }))
     }
 
     fn inconsistent(&mut self, cause: Inconsistent) -> SolveError {
@@ -433,7 +427,7 @@ impl Integrator for Ida {
         if let Some(quadratures) = &mut self.quadratures {
             quadratures.restart(t0);
         }
-        self.lending(system, Self::initialise)?;
+        self.lending(system, |ida| ida.initialise(yp.is_none()))?;
         self.bridge().counts.restarts += 1;
         self.phase = Phase::Restarted;
         Ok(())

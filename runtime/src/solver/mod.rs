@@ -30,6 +30,7 @@
 //! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector width or what an
 //! instance computed before.
 
+mod bounds;
 mod callbacks;
 mod choose;
 mod consistent;
@@ -54,6 +55,7 @@ mod variational;
 mod vector;
 mod watch;
 
+pub use bounds::Bounds;
 pub use choose::integrator;
 pub use error::{IdaFlag, SolveError};
 pub use ida::Ida;

@@ -227,7 +227,7 @@ impl Integrator for OneStep {
             values.fill(0.0);
             rule.restart(t0);
         }
-        self.guarded(system, |run| run.initialise(t0))?;
+        self.guarded(system, |run| run.initialise(t0, yp.is_none()))?;
         self.frame.functions.counts.restarts += 1;
         self.phase = Phase::Restarted;
         Ok(())

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use super::Bounds;
+
 /// A system F(t, y, y') = 0 of `n` equations in `n` unknowns, index 1 at most.
 ///
 /// Rows come in the order of the unknowns: row i is the equation of unknown i. Time and unknowns are in the model's units.
@@ -18,6 +20,11 @@ pub trait System {
 
     /// Whether derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
     fn is_explicit(&self) -> bool;
+
+    /// Bounds of the unknowns, where algebraic ones have any: where an integration begins, their solution is sought inside.
+    fn bounds(&self) -> Option<&Bounds> {
+        None
+    }
 
     /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y', of the leading unknowns where there are [`directions`](Self::directions).
     fn pattern(&self) -> &Pattern;

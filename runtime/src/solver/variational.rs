@@ -9,6 +9,8 @@ mod formula;
 
 use std::os::raw::c_int;
 
+use smpl_compiler::kernels;
+
 use self::formula::{Formula, MAX_ORDER, POINTS, Points, combine, distance};
 use super::callbacks::Bridge;
 use super::linear::{Factorisation, columns::all_finite};
@@ -434,7 +436,7 @@ impl Variational {
     fn reject(&mut self, error: f64) -> bool {
         let taken = self.path.inside.time - self.history.times[0];
         let least = if self.history.known == 1 { 1e-3 } else { 0.1 };
-        let factor = if error.is_finite() { 0.9 / error.powf(1.0 / (self.pace.order + 1) as f64) } else { 0.25 };
+        let factor = if error.is_finite() { 0.9 / kernels::pow(error, 1.0 / (self.pace.order + 1) as f64) } else { 0.25 };
         self.pace.length = taken * factor.clamp(least, 0.9);
         // Where the last step was rejected too, what lies behind is no guide.
         if self.pace.steady == 0 && self.pace.order > 1 {
@@ -452,7 +454,7 @@ impl Variational {
             return;
         }
         let taken = self.path.inside.time - self.history.times[0];
-        let growth = |error: f64, order: usize, safety: f64| 1.0 / (safety * error.powf(1.0 / (order + 1) as f64) + 1e-6);
+        let growth = |error: f64, order: usize, safety: f64| 1.0 / (safety * kernels::pow(error, 1.0 / (order + 1) as f64) + 1e-6);
         let (mut order, mut factor) = (self.pace.order, growth(error, self.pace.order, SAFETY[0]));
         // A lower order is asked for where this one allows no longer step.
         let lower = if factor < WORTH { self.pace.order - 1 } else { 0 };

@@ -42,6 +42,14 @@ pub enum SteadyError {
         /// It is below that bound.
         below: bool,
     },
+    /// A state that is not held moves with one that is.
+    #[error("`{name}` is not at rest: d/dt {name} = {}, as its rate is coupled with that of a held state; hold other states", Short(*rate))]
+    Moving {
+        /// The state.
+        name: String,
+        /// Its rate.
+        rate: f64,
+    },
     /// The equations do not determine all unknowns.
     #[error("{0}")]
     Undetermined(Freedom),

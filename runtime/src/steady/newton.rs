@@ -2,7 +2,7 @@
 
 mod iterations;
 
-use super::bounds::Bounds;
+use super::bounds::{self, Bounds};
 use super::error::{AtBound, Freedom, SteadyError};
 use super::freedom::{LARGE, freedom};
 use super::problem::Problem;
@@ -71,7 +71,7 @@ impl Search {
         y: &[f64],
     ) -> Result<Self, SteadyError> {
         let problem = Problem::new(system, catalogue, fixed, conditions, y)?;
-        let (bounds, first_step) = (Bounds::new(catalogue, fixed.len()), 0.1 * system.model().interface().episode.step);
+        let (bounds, first_step) = (bounds::of(catalogue, fixed.len()), 0.1 * system.model().interface().episode.step);
         let mut search = Self { problem, bounds, first_step, pace: Pace::default(), interrupted: false };
         if search.problem.is_singular() {
             let unknown = search.problem.empty_column().and_then(|at| unknown_name(catalogue, at));
@@ -130,7 +130,7 @@ impl Search {
             }
         }
         if let Some((at, value)) = outside {
-            return Err(self.bounds.refusal(catalogue, at, value));
+            return Err(bounds::refusal(&self.bounds, catalogue, at, value));
         }
         // That a matrix on the way was singular says something only where nothing else is known.
         if let Some(column) = singular.filter(|_| best.size.is_infinite() || self.problem.free.len() > LARGE) {
@@ -165,9 +165,14 @@ impl Search {
         self.bounds.outside(&self.problem.free, y).is_none()
     }
 
+    /// Returns whether an unknown has a bound.
+    pub(super) fn has_bounds(&self) -> bool {
+        self.bounds.bind()
+    }
+
     /// Another first guess inside of the bounds, by number.
     pub(crate) fn other_guess(&self, number: u64, y: &mut [f64]) {
-        self.bounds.other_guess(number, &self.problem.free, &self.problem.scales, y);
+        self.bounds.other_guess(number, &self.problem.free, y);
     }
 
     fn attempt(&mut self, way: Way, system: &mut CompiledSystem, y: &mut [f64]) -> Result<Try, Option<usize>> {
@@ -206,7 +211,7 @@ impl Search {
         let (size, row) = self.worst(system, y);
         let outside = !self.is_inside(y);
         if size.is_finite() && (outside, size) < (best.outside, best.size) {
-            let aside = self.bounds.reached(catalogue, &self.problem.free, y);
+            let aside = bounds::reached(&self.bounds, catalogue, &self.problem.free, y);
             *best = Nearest { outside, size, row, residual: self.problem.rows[row], aside };
         }
     }

@@ -10,6 +10,7 @@ pub(super) fn cell(cell: Cell, out: &mut String) {
     let _ = match cell {
         Cell::Empty | Cell::Text(_) => Ok(()),
         Cell::Integer(i) => write!(out, "{i}"),
+        Cell::Natural(n) => write!(out, "{n}"),
         Cell::Flag(flag) => write!(out, "{flag}"),
         Cell::Number(x) => {
             seventeen_digits(x, out);

@@ -34,6 +34,13 @@ fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
                     _ => None,
                 })?;
             }
+            Kind::Natural => {
+                column_of::<Int64Type, _>(&mut group, table, column, |cell| match cell {
+                    // Parquet keeps unsigned numbers by their bits.
+                    Cell::Natural(n) => Some(n.cast_signed()),
+                    _ => None,
+                })?;
+            }
             Kind::Number => {
                 column_of::<DoubleType, _>(&mut group, table, column, |cell| match cell {
                     Cell::Number(x) => Some(x),
@@ -121,13 +128,17 @@ fn column_of<D: DataType, F: Fn(Cell) -> Option<D::T>>(
 fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
     let field = |(name, kind): &(String, Kind)| {
         let physical = match kind {
-            Kind::Integer => PhysicalType::INT64,
+            Kind::Integer | Kind::Natural => PhysicalType::INT64,
             Kind::Number => PhysicalType::DOUBLE,
             Kind::Flag => PhysicalType::BOOLEAN,
             Kind::Text => PhysicalType::BYTE_ARRAY,
         };
-        let text = (*kind == Kind::Text).then_some(LogicalType::String);
-        let builder = Type::primitive_type_builder(name, physical).with_logical_type(text);
+        let logical = match kind {
+            Kind::Text => Some(LogicalType::String),
+            Kind::Natural => Some(LogicalType::integer(64, false)),
+            _ => None,
+        };
+        let builder = Type::primitive_type_builder(name, physical).with_logical_type(logical);
         Ok(Arc::new(builder.with_repetition(Repetition::OPTIONAL).build()?))
     };
     let fields: Result<Vec<TypePtr>, ParquetError> = table.columns().iter().map(field).collect();

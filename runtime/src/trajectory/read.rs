@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::resample::{Between, Clock, Holds, SAME, on_steps};
 use crate::catalogue::{Catalogue, Family, UnknownName};
 
 /// Named numbers.
@@ -11,6 +12,17 @@ pub type Values = BTreeMap<String, f64>;
 
 /// Named sequences, one value a step.
 pub(crate) type Sequences = BTreeMap<String, Vec<f64>>;
+
+/// Recorded inputs: a sequence for each column, one value a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inputs {
+    /// Number of steps.
+    pub steps: usize,
+    /// The sequences, in the order of the columns.
+    pub sequences: Vec<Vec<f64>>,
+    /// Name and step, from 1, of the first input that changes within a step, of which its mean is taken.
+    pub split: Option<(String, usize)>,
+}
 
 /// A data file that is missing or at fault. Lines count from 1, the heading included.
 #[derive(Debug, thiserror::Error)]
@@ -211,6 +223,103 @@ impl RawTable {
         Ok(usize::from(first == 0.0))
     }
 
+    /// The column `time`, where it is not one of those that are read for themselves.
+    fn times(&self, columns: &[usize]) -> Result<Option<usize>, DataError> {
+        self.once(["time"].into_iter())?;
+        Ok(self.column("time").filter(|time| !columns.contains(time)))
+    }
+
+    /// Inputs by the column `time`, or row by row where there is none, or where a column `step` counts the rows.
+    fn inputs(&self, columns: &[usize], clock: Clock) -> Result<Inputs, DataError> {
+        let time = self.times(columns)?;
+        let counted = self.column("step").filter(|count| !columns.contains(count));
+        match time {
+            Some(time) if counted.is_none() => return self.inputs_by_time(time, columns, clock),
+            None if clock.between == Between::Linear => {
+                return Err(self.malformed(1, "linear resampling needs a column `time`".into()));
+            }
+            _ => {}
+        }
+        let steps = self.rows_of_steps(columns)?;
+        if let (Some(time), Some(count)) = (time, counted) {
+            self.check_times(time, count, clock)?;
+        }
+        let sequence = |&c: &usize| steps.clone().map(|row| self.number(row, c)).collect::<Result<_, _>>();
+        Ok(Inputs { steps: steps.len(), sequences: columns.iter().map(sequence).collect::<Result<_, _>>()?, split: None })
+    }
+
+    /// Whether a column `step` says that the first row is the start.
+    fn begins_with_start(&self, columns: &[usize]) -> Result<bool, DataError> {
+        let count = self.column("step").filter(|count| !columns.contains(count));
+        count.map_or(Ok(false), |count| Ok(self.number(0, count)? == 0.0))
+    }
+
+    /// Refuses a time that is not within the step that the row counts: a step may end at an event, or where it began.
+    fn check_times(&self, time: usize, count: usize, clock: Clock) -> Result<(), DataError> {
+        for (row, (line, _)) in self.rows.iter().enumerate() {
+            let (found, step) = (self.number(row, time)?, self.number(row, count)?);
+            let end = step * clock.step;
+            if found > end + SAME * clock.step || found < end - (1.0 + SAME) * clock.step {
+                let message = format!(
+                    "the column `time` has {found} at step {step}, which ends at {end}; leave the column `step` out to take the rows by \
+                     their times, or the column `time` to take them one after another"
+                );
+                return Err(self.malformed(*line, message));
+            }
+        }
+        Ok(())
+    }
+
+    fn inputs_by_time(&self, time: usize, columns: &[usize], clock: Clock) -> Result<Inputs, DataError> {
+        let times = self.increasing_times(time)?;
+        let end = match times.as_slice() {
+            [.., a, b] => b + (b - a),
+            all => all[0] + clock.step,
+        };
+        // As in the tables that are written, a value belongs to the interval that ends at its time unless the first row has one at the start.
+        let begins = times[0] <= SAME * clock.step && !self.is_blank(0, columns);
+        let holds = if begins { Holds::After(end) } else { Holds::Before };
+        let (mut sequences, mut split) = (Vec::new(), None);
+        for &column in columns {
+            let filled: Vec<usize> = (0..self.rows.len()).filter(|&row| !self.is_blank(row, &[column])).collect();
+            let at: Vec<f64> = filled.iter().map(|&row| times[row]).collect();
+            let values = filled.iter().map(|&row| self.number(row, column)).collect::<Result<Vec<f64>, _>>()?;
+            let line = filled.first().map_or(self.rows[0].0, |&row| self.rows[row].0);
+            let fault = |error| self.malformed(line, format!("column `{}`: {error}", self.names[column]));
+            let mut found = on_steps(&at, &values, clock, holds).map_err(fault)?;
+            if found.whole == 0 {
+                let message = format!("column `{}`: the record ends before the end of the first step, {}", self.names[column], clock.step);
+                return Err(self.malformed(line, message));
+            }
+            found.values.truncate(found.whole);
+            split = split.or(found.split.map(|step| (self.names[column].clone(), step + 1)));
+            sequences.push(found.values);
+        }
+        let steps = sequences.iter().map(Vec::len).min().unwrap_or_default();
+        sequences.iter_mut().for_each(|sequence| sequence.truncate(steps));
+        Ok(Inputs { steps, sequences, split })
+    }
+
+    /// Times of the rows, which increase from the start of the run, 0, or later.
+    fn increasing_times(&self, time: usize) -> Result<Vec<f64>, DataError> {
+        let mut times: Vec<f64> = Vec::with_capacity(self.rows.len());
+        for (row, (line, _)) in self.rows.iter().enumerate() {
+            let found = self.number(row, time)?;
+            if found < 0.0 {
+                return Err(self.malformed(*line, format!("the column `time` has {found}; a run begins at 0")));
+            }
+            if let Some(before) = times.last().filter(|&&before| found <= before) {
+                return Err(self.malformed(*line, format!("the column `time` has {found} after {before}; times must increase")));
+            }
+            times.push(found);
+        }
+        Ok(times)
+    }
+
+    fn malformed(&self, line: u64, message: String) -> DataError {
+        DataError::Malformed { path: self.path.clone(), line, message }
+    }
+
     fn is_blank(&self, row: usize, columns: &[usize]) -> bool {
         columns.iter().all(|&c| self.rows[row].1.get(c).is_none_or(str::is_empty))
     }
@@ -247,21 +356,21 @@ fn fault(path: &Path, error: csv::Error) -> DataError {
     DataError::Malformed { path: path.to_owned(), line, message }
 }
 
-/// Actions of the steps 1, 2, ...: one row a step with one number an action in their order. The start, step 0, is skipped, and a first row
-/// without actions; columns other than `step` are ignored.
+/// Actions of the steps 1, 2, ...: a sequence for each action in their order. With a column `time` and none that counts the steps, rows are taken by
+/// their times; else one after another, the start, step 0, and a first row without actions left out. Other columns are ignored.
 ///
 /// # Errors
 /// See [`DataError`].
-pub fn read_actions(path: &Path, catalogue: &Catalogue) -> Result<Vec<Vec<f64>>, DataError> {
+pub fn read_actions(path: &Path, catalogue: &Catalogue, clock: Clock) -> Result<Inputs, DataError> {
     let table = RawTable::read(path)?;
     let columns = required(&table, &catalogue.actions)?;
-    let steps = table.rows_of_steps(&columns)?;
-    if steps.start == 1 && !table.is_blank(0, &columns) {
+    let inputs = table.inputs(&columns, clock)?;
+    if table.begins_with_start(&columns)? && !table.is_blank(0, &columns) {
         let message =
             "an action stands in the row of step 0, the start, before any step: count the steps from 1, or leave the column `step` out";
-        return Err(DataError::Malformed { path: table.path.clone(), line: table.rows[0].0, message: message.into() });
+        return Err(table.malformed(table.rows[0].0, message.into()));
     }
-    steps.map(|row| columns.iter().map(|&c| table.number(row, c)).collect()).collect()
+    Ok(inputs)
 }
 
 fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> {
@@ -275,12 +384,16 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
     }
 }
 
-/// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there must be one. The start, step 0, is skipped
-/// whatever stands there, and a first row without disturbances; columns other than `step` are ignored.
+/// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there must be one, taken as [`read_actions`] does; and the
+/// first one that changes within a step. The start, step 0, is skipped whatever stands there.
 ///
 /// # Errors
 /// See [`DataError`].
-pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Sequences, DataError> {
+pub(crate) fn read_disturbances(
+    path: &Path,
+    catalogue: &Catalogue,
+    clock: Clock,
+) -> Result<(Sequences, Option<(String, usize)>), DataError> {
     let table = RawTable::read(path)?;
     if catalogue.disturbances.is_empty() {
         return Err(DataError::NoDisturbances { path: table.path });
@@ -292,9 +405,8 @@ pub(crate) fn read_disturbances(path: &Path, catalogue: &Catalogue) -> Result<Se
         let names = catalogue.disturbances.names().map(str::to_owned).collect();
         return Err(DataError::MissingColumns { path: table.path.clone(), names, present: table.names.clone() });
     }
-    let steps = table.rows_of_steps(&columns)?;
-    let sequence = |&c: &usize| steps.clone().map(|row| table.number(row, c)).collect::<Result<_, _>>();
-    names.iter().zip(&columns).map(|(name, c)| Ok(((*name).to_owned(), sequence(c)?))).collect()
+    let inputs = table.inputs(&columns, clock)?;
+    Ok((names.iter().map(|name| (*name).to_owned()).zip(inputs.sequences).collect(), inputs.split))
 }
 
 /// One row of initial values: states and discrete variables by name. Empty cells are left out.

@@ -65,6 +65,13 @@ class Points:
         values[small] += spread * 1e-3 * random.uniform(0.0, 1.0, (int(small.sum()), count))
         return np.clip(values, low[:, None], high[:, None])
 
+    def set_instants(self, model, names, p):
+        """Set `initial(x)` and `previous(x)` among parameters to x, as in a step from there."""
+        unknowns = dict(zip(model.unknown_names, self.y, strict=True))
+        for at, name in enumerate(names):
+            if name.startswith(("initial(", "previous(")):
+                p[at] = unknowns[name[name.index("(") + 1 : -1]]
+
     def machine_code(self, model):
         """Residual at each point, shape (unknowns, points)."""
         replaced = [*model.discrete_names, *model.disturbance_names]

@@ -6,7 +6,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{indices, units};
+use crate::elaborate::lower::{structural, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Axis, Domain, Geometry, Scheme, ScopeId, SymbolKind};
 use crate::ir::Role;
@@ -100,7 +100,8 @@ impl<'a> Declaring<'_, 'a> {
     fn bounds_of_set(&mut self, scope: ScopeId, name: &Ident, first: &Expr, last: &Expr) -> Option<(i64, i64)> {
         let place = Place::new(scope, Site::Dynamics);
         // Both are read, so that faults of both are reported.
-        let (first, last) = (indices::integer(&mut self.lowering(), first, &place), indices::integer(&mut self.lowering(), last, &place));
+        let (first, last) =
+            (structural::integer(&mut self.lowering(), first, &place), structural::integer(&mut self.lowering(), last, &place));
         let (first, last) = (first?, last?);
         let more = last.saturating_sub(first);
         if more >= 100_000 || !self.work.ledger.budget.may_hold(more) {
@@ -113,7 +114,7 @@ impl<'a> Declaring<'_, 'a> {
 
     pub(in crate::elaborate::declare) fn declare_domain(&mut self, scope: ScopeId, domain: &'a syntax::Domain) {
         let place = Place::new(scope, Site::Dynamics);
-        let Some(cells) = indices::integer(&mut self.lowering(), &domain.cells, &place) else { return self.faulty(scope, &domain.name) };
+        let Some(cells) = structural::integer(&mut self.lowering(), &domain.cells, &place) else { return self.faulty(scope, &domain.name) };
         if !(1..=MAX_ELEMENTS).contains(&cells) {
             let code = if cells < 1 { codes::EMPTY_SET } else { codes::TOO_LARGE };
             self.work.ledger.report(

@@ -8,7 +8,7 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::instances::SAMPLE;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{indices, units};
+use crate::elaborate::lower::{structural, units};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Port, Scope, ScopeId, SymbolKind, Symbols};
@@ -113,9 +113,12 @@ impl<'a> Declaring<'_, 'a> {
                 self.instances.given.insert((scope, argument.text.clone()), (e, outer.clone()));
                 continue;
             }
+            self.instances.misspelt.insert(scope);
             let help = self.work.ledger.reports.did_you_mean(&argument.text, known.iter().copied());
             let message = format!("the component `{}` has no parameter `{}`", component.text, argument.text);
-            self.work.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, argument.span).maybe_help(help));
+            let fault = Diagnostic::error(codes::WRONG_ARGUMENTS, message, argument.span).label("unknown argument").maybe_help(help);
+            let list = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+            self.work.ledger.report(if known.is_empty() { fault } else { fault.note(format!("its parameters are {list}")) });
         }
     }
 
@@ -154,7 +157,7 @@ impl<'a> Declaring<'_, 'a> {
             self.declare(scope, name, SymbolKind::Set(set));
             return;
         }
-        let kind = indices::integer(&mut self.lowering(), e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
+        let kind = structural::integer(&mut self.lowering(), e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);
         self.declare(scope, name, kind);
     }
 }

@@ -33,7 +33,7 @@ impl<'a> Declaring<'_, 'a> {
         let place = Place::new(scope, Site::Dynamics);
         let mut numbers = self.empty_table(table, &sets, place);
         if let Some(e) = &table.default
-            && let Some(x) = self.table_number(e, numbers.units.first(), &numbers.place)
+            && let Some(x) = self.table_number(e, "the table's entry", numbers.units.first(), &numbers.place)
         {
             numbers.values.iter_mut().for_each(|v| v.fill(x));
         }
@@ -84,7 +84,7 @@ impl<'a> Declaring<'_, 'a> {
         }
         for (j, e) in cells.iter().enumerate() {
             let (table, at) = if columns > 1 { (j, i) } else { (0, i * inner + j) };
-            if let Some(x) = self.table_number(e, numbers.units.get(table), &numbers.place) {
+            if let Some(x) = self.table_number(e, "the table's entry", numbers.units.get(table), &numbers.place) {
                 numbers.values[table][at] = x;
             }
         }
@@ -98,15 +98,15 @@ impl<'a> Declaring<'_, 'a> {
         };
         for (label, e) in cells {
             let Some(j) = self.naming().row_member(second, label) else { continue };
-            if let Some(x) = self.table_number(e, numbers.units.first(), &numbers.place) {
+            if let Some(x) = self.table_number(e, "the table's entry", numbers.units.first(), &numbers.place) {
                 numbers.values[0][i * numbers.inner + j] = x;
             }
         }
     }
 
-    fn table_number(&mut self, e: &Expr, unit: Option<&Unit>, place: &Place) -> Option<f64> {
+    fn table_number(&mut self, e: &Expr, what: &str, unit: Option<&Unit>, place: &Place) -> Option<f64> {
         let one = Unit::one();
-        let expr = self.lowering().number_in(e, unit.unwrap_or(&one), "the table's entry", Span::default(), place);
+        let expr = self.lowering().number_in(e, unit.unwrap_or(&one), what, Span::default(), place);
         let reports = self.work.ledger.reports.diagnostics.len();
         let value = defaults::constant_value(&mut self.lowering(), expr);
         if value.is_none() && reports == self.work.ledger.reports.diagnostics.len() {
@@ -124,8 +124,8 @@ impl<'a> Declaring<'_, 'a> {
         let time_unit = units::unit(&mut self.lowering(), &table.time_unit, &place).unwrap_or_else(Unit::one);
         let mut points = Vec::with_capacity(table.entries.len());
         for (time, value) in &table.entries {
-            let t = self.table_number(time, Some(&time_unit), &place);
-            let v = self.table_number(value, Some(&unit), &place);
+            let t = self.table_number(time, "the point of an entry", Some(&time_unit), &place);
+            let v = self.table_number(value, "the table's entry", Some(&unit), &place);
             if let (Some(t), Some(v)) = (t, v) {
                 for (x, e) in [(t, time), (v, value)].into_iter().filter(|(x, _)| !x.is_finite()) {
                     let message = format!("times and values of a table over time are finite, this is {x}");

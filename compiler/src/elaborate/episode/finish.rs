@@ -18,7 +18,7 @@ use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
 use crate::ir::{Affine, Builtin, ExprId, Place as Memory, Program};
-use crate::model::{Failure, Finish, Root, RootAction};
+use crate::model::{Episode, Failure, Finish, Root, RootAction};
 
 /// Failures that every model has.
 const RESERVED: [&str; 4] = ["action_box", "solver", "events", "not_finite"];
@@ -52,12 +52,12 @@ pub(in crate::elaborate) struct Ending {
 }
 
 /// Failures, successes, constraints, rewards and observations.
-pub(in crate::elaborate) fn ending<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], end_is_success: bool) -> Ending {
+pub(in crate::elaborate) fn ending<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], episode: &mut Episode) -> Ending {
     let observed = observations(l, blocks);
     let mut ends = declared_ends(l, blocks);
-    let outcome = outcome(l, &ends, end_is_success);
+    let outcome = outcome(l, &ends, episode.end_is_success);
     l.names.outcome = Some(outcome);
-    let rewards = rewards(l, blocks);
+    let rewards = rewards(l, blocks, &mut episode.error_reward);
     let reward = rewards.values.get(rewards.default as usize).copied();
     l.names.outcome = Some(Outcome { reward, ..outcome });
     for (at, place, condition, failure) in std::mem::take(&mut ends.on_reward) {

@@ -5,13 +5,14 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::common::{each, store};
+use crate::elaborate::episode::together::{Assignment, Draft, Kind};
 use crate::elaborate::episode::unknown::doubting;
 use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, nests};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
-use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Rewritten, Role, Store, VarId};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
 
 /// What runs at the instants of a step.
@@ -42,30 +43,28 @@ impl Instants {
 pub(in crate::elaborate) struct Assignments {
     /// They happen only where this holds: in the transition of a phase.
     pub guard: Option<ExprId>,
-    /// The nests that collect the `next`s of an instant.
-    groups: Vec<(String, usize)>,
     /// Elements that have a `next`, by scope and instant.
     assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
 }
 
 /// The programs of instants as they are put together.
 struct Drafts<'a> {
-    start: Program,
-    end: Program,
+    start: Draft,
+    end: Draft,
     /// By scope and name, in the order in which they are first mentioned.
-    events: Vec<(ScopeId, &'a str, Program)>,
+    events: Vec<(ScopeId, &'a str, Draft)>,
 }
 
 impl<'a> Drafts<'a> {
     /// The program of an instant.
-    fn of(&mut self, scope: ScopeId, instant: &'a str) -> &mut Program {
+    fn of(&mut self, scope: ScopeId, instant: &'a str) -> &mut Draft {
         match instant {
             "start" => &mut self.start,
             "end" => &mut self.end,
             name => {
                 let known = self.events.iter().position(|(s, n, _)| *n == name && *s == scope);
                 let at = known.unwrap_or_else(|| {
-                    self.events.push((scope, name, Program { nests: Vec::new(), in_place: true }));
+                    self.events.push((scope, name, Draft::default()));
                     self.events.len() - 1
                 });
                 &mut self.events[at].2
@@ -78,23 +77,18 @@ impl<'a> Drafts<'a> {
 pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Instants {
     let mut out = Instants::default();
     let mut assignments = Assignments::default();
-    let empty = || Program { nests: Vec::new(), in_place: true };
-    let mut drafts = Drafts { start: empty(), end: empty(), events: Vec::new() };
+    let mut drafts = Drafts { start: Draft::of_start(), end: Draft::default(), events: Vec::new() };
     // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
     let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
     inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(l.symbols.scopes[*scope].prefix.matches('.').count()));
-    let mut last_end: Option<Span> = None;
     for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
         let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
-        // The `next`s of another `at end` block come after those of this one.
-        if instant == "end" && last_end.replace(*block).is_some_and(|last| last != *block) {
-            assignments.groups.retain(|(name, _)| name != instant);
-        }
         out.start_resets |= instant == "start" && matches!(statement.kind, StatementKind::Reset { .. });
-        instant_statement(l, scope, statement, drafts.of(scope, instant), &mut assignments, instant);
+        instant_statement(l, scope, statement, (drafts.of(scope, instant), *block), &mut assignments, instant);
     }
-    (out.start, out.end) = (drafts.start, drafts.end);
-    watched_events(l, blocks, &drafts.events, &mut out);
+    (out.start, out.end) = (drafts.start.program(l), drafts.end.program(l));
+    let events: Vec<_> = drafts.events.into_iter().map(|(scope, name, draft)| (scope, name, draft.program(l))).collect();
+    watched_events(l, blocks, &events, &mut out);
     out
 }
 
@@ -123,12 +117,12 @@ impl<'s> Assigned<'s> {
     }
 }
 
-/// `next`, `reset`, `clamp`. Consecutive `next`s of scalars share a nest, so that they assign together.
+/// `next`, `reset`, `clamp` of a block.
 pub(in crate::elaborate) fn instant_statement(
     l: &mut Lowering<'_, '_>,
     scope: ScopeId,
     statement: &Statement,
-    program: &mut Program,
+    (draft, block): (&mut Draft, Span),
     assignments: &mut Assignments,
     instant: &str,
 ) {
@@ -137,9 +131,12 @@ pub(in crate::elaborate) fn instant_statement(
         let message = "only `next`, `reset` and `clamp` may stand in `at`";
         return l.ledger.report(Diagnostic::error(codes::MISPLACED_BLOCK, message, statement.span));
     };
-    let is_next = matches!(statement.kind, StatementKind::Next { .. });
-    // `next`s assign together; other statements one element after another, unrolled or in a loop.
-    if !is_next {
+    let kind = match statement.kind {
+        StatementKind::Next { .. } => Kind::Next,
+        StatementKind::Reset { .. } => Kind::Reset,
+        _ => Kind::Clamp,
+    };
+    if kind != Kind::Next {
         let parts: Vec<&Expr> = [assigned.target, assigned.value].into_iter().chain(assigned.condition).collect();
         l.loops.counted = l.symbols.counted_cells(assigned.binders, &parts, &place);
     }
@@ -150,42 +147,10 @@ pub(in crate::elaborate) fn instant_statement(
         let Some((var, at, v, whole)) = piece.value else { continue };
         let mut extents = piece.extents;
         extents.extend(whole);
-        if is_next && assignments.guard.is_none() {
+        if kind == Kind::Next && assignments.guard.is_none() {
             check_next(l, assignments, (scope, instant), var, (&extents, at), statement.span);
         }
-        let s = store(Memory::Var(var), at, v);
-        if is_next && extents.is_empty() {
-            assignments.together(program, instant, s);
-        } else {
-            program.nests.push(Nest::over(extents, vec![s]));
-        }
-    }
-}
-
-impl Assignments {
-    /// Puts the `next` of a scalar into the nest that collects those of its instant since its last other statement. At the start
-    /// all `next`s come together, before the resets.
-    fn together(&mut self, program: &mut Program, instant: &str, s: Store) {
-        let open = self.groups.iter().find(|(name, _)| name == instant).map(|(_, at)| *at);
-        let own = Nest { loops: Vec::new(), stores: vec![s] };
-        if instant == "start" {
-            match program.nests.first_mut().filter(|_| open.is_some()) {
-                Some(first) => first.stores.extend(own.stores),
-                None => {
-                    program.nests.insert(0, own);
-                    self.groups.push((instant.to_owned(), 0));
-                }
-            }
-            return;
-        }
-        match open.filter(|&at| at + 1 == program.nests.len()) {
-            Some(at) => program.nests[at].stores.extend(own.stores),
-            None => {
-                program.nests.push(own);
-                self.groups.retain(|(name, _)| name != instant);
-                self.groups.push((instant.to_owned(), program.nests.len() - 1));
-            }
-        }
+        draft.push(l, block, kind, Assignment { extents, store: store(Memory::Var(var), at, v) });
     }
 }
 

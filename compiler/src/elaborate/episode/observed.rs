@@ -8,7 +8,7 @@ use crate::elaborate::episode::common::store;
 use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::{Lowering, defaults, indices, units};
+use crate::elaborate::lower::{Lowering, defaults, structural, units};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory};
 use crate::model::Observed;
 
@@ -83,8 +83,8 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
         };
         l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, a.span.to(b.span)));
     }
-    let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, least: i64| match e {
-        Some(e) => match indices::integer(s, e, place) {
+    let count = |s: &mut Lowering<'_, '_>, e: &Option<Expr>, what: &str, least: i64| match e {
+        Some(e) => match structural::steps(s, e, what, place) {
             Some(n) if n >= least && n <= MOST_STEPS => n as u32,
             Some(n) => {
                 s.ledger.report(Diagnostic::error(
@@ -98,7 +98,7 @@ pub(super) fn attributes(l: &mut Lowering<'_, '_>, o: &Observation, unit: &Unit,
         },
         None => least as u32,
     };
-    let (every, delay) = (count(l, &o.every, 1), count(l, &o.delay, 0));
+    let (every, delay) = (count(l, &o.every, "every", 1), count(l, &o.delay, "delay", 0));
     let noise = o.noise.as_ref().map_or(0.0, |e| noise(l, e, unit, place));
     Attributes { bounds, every, delay, noise }
 }

@@ -11,6 +11,7 @@
 
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, moving_clock};
+use crate::elaborate::episode::together::Draft;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::symbols::{Schedule, Symbols};
@@ -170,7 +171,7 @@ fn phase_root<'a>(
 
 /// What runs when a phase is left, for whichever it is.
 fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Place) -> Program {
-    let mut program = Program { nests: Vec::new(), in_place: true };
+    let mut draft = Draft::default();
     let (current, since) = (l.values().discrete(schedule.current), l.values().discrete(schedule.since));
     let leaving = l.values().discrete(schedule.leaving);
     let mut assignments = Assignments::default();
@@ -180,7 +181,7 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
         let is_left = l.exprs.compare(Compare::Eq, leaving, number);
         assignments.guard = Some(is_left);
         for statement in &phase.body {
-            instant_statement(l, place.scope, statement, &mut program, &mut assignments, &phase.name.text);
+            instant_statement(l, place.scope, statement, (&mut draft, phase.name.span), &mut assignments, &phase.name.text);
         }
         assignments.guard = None;
         let follower = phase.next.as_ref().and_then(|n| schedule.phases.iter().position(|p| p.name.text == n.text));
@@ -190,6 +191,7 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
             left = l.exprs.or(left, is_left);
         }
     }
+    let mut program = draft.program(l);
     let t = l.exprs.time();
     let since_value = l.exprs.select(left, t, since);
     let zero = l.exprs.constant(0.0);

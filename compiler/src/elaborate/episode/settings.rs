@@ -8,7 +8,9 @@ use crate::elaborate::episode::common::each;
 use crate::elaborate::episode::entries::{Block, COUNT_TEXT, ENTRIES, ORDER_TEXT, Said, Takes, is_count, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{Lowering, defaults};
+use crate::elaborate::lower::structural::whole;
+use crate::elaborate::lower::value::Measure;
+use crate::elaborate::lower::{Lowering, defaults, units};
 use crate::elaborate::options::Setting;
 use crate::elaborate::select::items::{Item, block_around};
 use crate::elaborate::symbols::ScopeId;
@@ -46,6 +48,7 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
         said.episode.max_steps = n;
     }
     said.episode.integrate = said.integrate.unwrap_or(said.episode.step);
+    l.names.step = said.episode.step;
     (said.episode, said.solver)
 }
 
@@ -60,16 +63,22 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
         Takes::Interval => said.integrate = positive(l, name, e, &time, place),
         Takes::Positive(to) => put(to(said), positive(l, name, e, &Unit::one(), place)),
         Takes::Tolerance(to) => put(to(said), within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT)),
-        Takes::Order(to) => put(to(said), within(l, name, e, place, is_order, ORDER_TEXT).map(|x| x as u32)),
-        Takes::Count(to) => put(to(said), whole_number(l, name, e, place)),
-        // Rewards carry their own units; the number is taken in each.
+        Takes::Order(to) => put(to(said), whole_number(l, name, e, place, is_order, ORDER_TEXT)),
+        Takes::Count(to) => put(to(said), whole_number(l, name, e, place, is_count, COUNT_TEXT)),
+        // Rewards carry their own units; a number without a unit is taken in each.
         Takes::Number(to) => {
             let v = l.value(e, place);
             if v.is_poison() {
                 return;
             }
             match defaults::constant_value(l, v.expr) {
-                Some(x) if x.is_finite() => *to(said) = x,
+                Some(x) if x.is_finite() => {
+                    *to(said) = x;
+                    l.names.error_reward = match v.unit {
+                        Measure::Of(unit) if !units::is_plain_number(&unit) => Some((unit, e.span)),
+                        _ => None,
+                    };
+                }
                 Some(x) => {
                     let message = format!("`{}` must be finite, it is {x}", name.text);
                     l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
@@ -114,7 +123,11 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
     }
     match &entry.takes {
         Takes::Interval => said.integrate = Some(number),
-        Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) | Takes::Number(to) => *to(said) = number,
+        Takes::Number(to) => {
+            *to(said) = number;
+            l.names.error_reward = None;
+        }
+        Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) => *to(said) = number,
         Takes::Order(to) | Takes::Count(to) => *to(said) = number as u32,
         Takes::Name(_) | Takes::Truth(_) => {}
     }
@@ -160,14 +173,17 @@ fn within(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place, holds
     None
 }
 
-fn whole_number(l: &mut Lowering<'_, '_>, name: &Ident, e: &Expr, place: &Place) -> Option<u32> {
-    let x = setting_number(l, name, e, &Unit::one(), place)?;
-    if is_count(x) {
-        return Some(x as u32);
-    }
-    let message = format!("`{}` must be {COUNT_TEXT}, it is {x}", name.text);
-    l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
-    None
+/// A whole number for which something holds, but for rounding.
+fn whole_number(
+    l: &mut Lowering<'_, '_>,
+    name: &Ident,
+    e: &Expr,
+    place: &Place,
+    holds: impl Fn(f64) -> bool,
+    expected: &str,
+) -> Option<u32> {
+    let nearest = |x: f64| whole(x).map_or(x, |n| n as f64);
+    within(l, name, e, place, |x| holds(nearest(x)), expected).map(|x| nearest(x) as u32)
 }
 
 /// Whether a condition of a setting is true.

@@ -4,7 +4,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
-use crate::elaborate::lower::{Lowering, indices};
+use crate::elaborate::lower::{Lowering, structural};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolKind, Symbols};
 use crate::ir::Role;
@@ -39,7 +39,7 @@ pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binde
 
 fn bindings_of_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
     let symbol = l.symbols.lookup(place.scope, &binder.name.text);
-    let (Some(a), Some(b)) = (indices::integer(l, low, place), indices::integer(l, high, place)) else { return Vec::new() };
+    let (Some(a), Some(b)) = (structural::integer(l, low, place), structural::integer(l, high, place)) else { return Vec::new() };
     if b - a >= 10_000_000 {
         l.ledger.report(Diagnostic::error(codes::TOO_LARGE, "a range of more than ten million numbers", binder.span));
         return Vec::new();
@@ -114,7 +114,7 @@ pub(in crate::elaborate) fn index_over(l: &mut Lowering<'_, '_>, binder: &Binder
 
 /// The integers behind `k in 1..4` in a declaration; equal ranges are one set.
 fn index_over_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Option<IndexOver> {
-    let (a, b) = (indices::integer(l, low, place)?, indices::integer(l, high, place)?);
+    let (a, b) = (structural::integer(l, low, place)?, structural::integer(l, high, place)?);
     if a > b || b - a >= 100_000 {
         let d = Diagnostic::error(codes::EMPTY_SET, format!("an index from {a} to {b}"), binder.span);
         l.ledger.report(d.label("must have between one and a hundred thousand members"));

@@ -168,8 +168,9 @@ fn refuse_target(l: &mut Lowering<'_, '_>, symbol: SymbolId, var: VarId, span: S
         _ => "a variable of another kind",
     };
     let help = match (l.symbols.vars[var].role, roles) {
-        (Role::State, [Role::Discrete]) => Some("states are set by `reset`".to_owned()),
-        (Role::Discrete, [Role::State]) => Some("discrete variables are set by `next`".to_owned()),
+        (Role::State, [Role::Discrete]) => Some(format!("a state is set by `reset {path} = ...`; `next` sets discrete variables")),
+        (Role::Discrete, [Role::State]) => Some(format!("a discrete variable is set by `next {path} = ...`; `reset` sets states")),
+        (Role::Algebraic, _) => Some(format!("its equation determines it; `var {path} = value` gives the initial guess")),
         _ => None,
     };
     l.ledger.report(

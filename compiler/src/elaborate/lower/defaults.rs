@@ -77,6 +77,10 @@ fn declared_pieces(l: &mut Lowering<'_, '_>, symbol: SymbolId, site: Site) -> Ve
 }
 
 fn missing_default(l: &mut Lowering<'_, '_>, path: &str, role: Role, span: Span, scope: ScopeId) {
+    // A misspelt argument, which was reported, is meant for it.
+    if role == Role::Param && l.instances.misspelt.contains(&scope) {
+        return;
+    }
     let (what, help) = match role {
         Role::Param => ("no value", "write `= value`, or give it where the component is used"),
         Role::State => ("no initial value", "write `= value`"),

@@ -9,9 +9,10 @@ use crate::elaborate::expansions::Asked;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, functions, indices, operators, outcome, paths, phases, units};
+use crate::elaborate::select::items::reference;
 use crate::elaborate::space::{field, flux, grid};
-use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
-use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Role};
+use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Role, VarId};
 
 impl<'a> Lowering<'_, 'a> {
     /// Elaborates an expression.
@@ -211,12 +212,45 @@ impl<'a> Lowering<'_, 'a> {
                 let expr = self.exprs.load(var, Flavour::Derivative, at);
                 Value::of(expr, units::rate(unit, &self.symbols.time_unit))
             }
+            Node::Load { var, flavour: Flavour::Value, .. } => {
+                let fault = self.symbols.no_derivative(var, inner, span);
+                self.fault(fault)
+            }
             _ => self.values().not_a_state(span, inner),
         }
     }
 }
 
+impl Symbols<'_> {
+    /// Reports the time derivative of a variable that is not a state.
+    fn no_derivative(&self, var: VarId, inner: &Expr, span: Span) -> Diagnostic {
+        let name = reference(inner);
+        let (what, help) = match self.vars[var].role {
+            Role::Discrete => {
+                let set = format!("change it at the sampling instants, `at start {{ next {name} = ... }}`");
+                ("a discrete variable, which is constant between sampling instants", format!("{set}, or declare it with `state`"))
+            }
+            Role::Param => ("a parameter, which is constant", "declare it with `state`".to_owned()),
+            Role::Action => ("an action, which is held over a step", "declare it with `state`, and the rate as the action".to_owned()),
+            Role::Algebraic => ("an algebraic variable", "declare it with `state`, or write out the derivative of its equation".to_owned()),
+            _ => ("not a state", "declare it with `state`".to_owned()),
+        };
+        let message = format!("only a state has a time derivative: `{name}` is {what}");
+        Diagnostic::error(codes::WRONG_KIND, message, span).secondary(self.vars[var].span, "declared here").help(help)
+    }
+
+    /// Name of the independent variable.
+    fn time_name(&self) -> Option<&str> {
+        self.list.values().find(|symbol| matches!(symbol.kind, SymbolKind::Time)).map(|symbol| symbol.path.as_str())
+    }
+}
+
 fn unknown_name(l: &mut Lowering<'_, '_>, name: &Ident, scope: ScopeId) -> Value {
+    if let Some(time) = l.symbols.time_name().filter(|_| matches!(name.text.as_str(), "time" | "t")) {
+        let help = format!("the time is called `{time}` here");
+        let fault = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span);
+        return l.fault(fault.label("not declared").help(help));
+    }
     let help = if l.ledger.reports.may_suggest() { l.ledger.reports.did_you_mean(&name.text, l.symbols.visible(scope)) } else { None };
     let d =
         Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown name `{}`", name.text), name.span).label("not declared").maybe_help(help);
@@ -253,17 +287,27 @@ fn bound_value(l: &mut Lowering<'_, '_>, span: Span, name: &str, bound: &Bound, 
 
 /// Reports a name that stands for no value.
 fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, span: Span) -> Value {
-    let what = match kind {
-        SymbolKind::Def { .. } => "a function; call it with arguments",
-        SymbolKind::TimeTable { .. } => "a function of time; call it, `table(t)`",
-        SymbolKind::Set(_) => "a set; use a member as an index",
-        SymbolKind::Domain(_) => "a domain; bind it with `for`",
-        SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
-        _ => "a component; name one of its variables",
-    };
     let path = l.symbols[symbol].path.clone();
-    let d = Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span);
-    l.fault(crate::elaborate::built_ins::note(d, &path))
+    let mut d = match kind {
+        SymbolKind::TimeTable { time_unit, .. } => {
+            let of_time = time_unit.commensurable(&l.symbols.time_unit);
+            let argument = l.symbols.time_name().filter(|_| of_time).unwrap_or("x");
+            let message = format!("`{path}` is a table over {}, which takes an argument", units::describe(time_unit));
+            Diagnostic::error(codes::WRONG_KIND, message, span).help(format!("write `{path}({argument})`"))
+        }
+        _ => {
+            let what = match kind {
+                SymbolKind::Def { .. } => "a function; call it with arguments",
+                SymbolKind::Set(_) => "a set; use a member as an index",
+                SymbolKind::Domain(_) => "a domain; bind it with `for`",
+                SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
+                _ => "a component; name one of its variables",
+            };
+            Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is {what}"), span)
+        }
+    };
+    d = crate::elaborate::built_ins::note(d, &path);
+    l.fault(d)
 }
 
 /// How an expression is read, where not for its value.

@@ -85,6 +85,7 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
     let help = match name.as_str() {
         "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
         "pow" => Some("write `x^y`".to_owned()),
+        "delay" => Some("the language has no continuous delay: keep past samples in an array of discrete variables (`next past[i] = past[i - 1]`), or approximate the delay by a chain of first-order lags".to_owned()),
         _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
         _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
         _ => None,

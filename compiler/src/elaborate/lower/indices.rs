@@ -2,13 +2,15 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, Ident, UnaryOp};
+use smpl_dsl::syntax::{self, BinaryOp, Expr, ExprKind, Form, Ident};
 
 use crate::elaborate::ledger::Ledger;
+use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place};
-use crate::elaborate::lower::{Lowering, defaults};
+use crate::elaborate::lower::structural::integer;
 use crate::elaborate::naming::Naming;
+use crate::elaborate::select::items::reference;
 use crate::elaborate::space::grid;
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolId, SymbolKind, Symbols};
 use crate::ir::Affine;
@@ -52,6 +54,10 @@ pub(in crate::elaborate) fn address(
         wrong_indices(l, symbol, axes, index, span);
         return None;
     }
+    if let Some(fault) = wrong_order(l, symbol, axes, index, span, place) {
+        l.ledger.report(fault);
+        return None;
+    }
     let mut at = Affine::default();
     let mut bounds = Vec::with_capacity(axes.len());
     for (&axis, e) in axes.iter().zip(index) {
@@ -83,6 +89,64 @@ pub(in crate::elaborate) fn address(
     Some((at, bounds))
 }
 
+/// The fault of indices that are those of an array in another order: some do not fit their axis, and in another order all do.
+fn wrong_order(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span, place: &Place) -> Option<Diagnostic> {
+    if !(2..=4).contains(&axes.len()) {
+        return None;
+    }
+    let fits = |axis: Axis, e: &Expr| match (&e.kind, axis) {
+        (ExprKind::Name(name), Axis::Set(set)) => match place.bound(&name.text) {
+            Some(Bound::Member(own, i)) => *own == set || l.symbols.sets[set].position(&l.symbols.sets[*own].labels[*i]).is_some(),
+            Some(Bound::Run(_) | Bound::Number(_)) => l.symbols.sets[set].first.is_some(),
+            Some(_) => false,
+            None => l.symbols.sets[set].first.is_some() || l.symbols.sets[set].position(&name.text).is_some(),
+        },
+        (ExprKind::Name(name), Axis::Domain(_)) => match place.bound(&name.text) {
+            Some(Bound::Member(own, _)) => l.symbols.sets[*own].first.is_some(),
+            Some(_) => true,
+            None => !l.symbols.sets.values().any(|set| set.position(&name.text).is_some()),
+        },
+        (ExprKind::Number { .. }, Axis::Set(set)) => l.symbols.sets[set].first.is_some(),
+        _ => true,
+    };
+    if axes.iter().zip(index).all(|(&axis, e)| fits(axis, e)) {
+        return None;
+    }
+    let order = permutations(axes.len()).into_iter().find(|order| axes.iter().zip(order).all(|(&axis, &at)| fits(axis, &index[at])))?;
+    let names: Vec<&str> = axes.iter().map(|&axis| l.symbols.axis_name(axis)).collect();
+    let path = &l.symbols[symbol].path;
+    let written: Vec<String> = order.iter().map(|&at| reference(&index[at])).collect();
+    let message = format!("the indices of `{path}` are in the wrong order: it is declared as `{path}[{}]`", names.join(", "));
+    let fault = Diagnostic::error(codes::OUT_OF_RANGE, message, span).secondary(l.symbols[symbol].span, "declared here");
+    let known = written.iter().all(|index| !index.contains("..."));
+    Some(if known { fault.help(format!("write `{path}[{}]`", written.join(", "))) } else { fault })
+}
+
+/// All orders of the first `n` numbers.
+fn permutations(n: usize) -> Vec<Vec<usize>> {
+    let longer = |order: &Vec<usize>| -> Vec<Vec<usize>> {
+        (0..n).filter(|i| !order.contains(i)).map(|i| [order.as_slice(), &[i]].concat()).collect()
+    };
+    (0..n).fold(vec![Vec::new()], |orders, _| orders.iter().flat_map(longer).collect())
+}
+
+/// Reports a name in an index position that nothing binds or declares, where the axis is one of numbers; `false` where it has another meaning.
+fn unbound_number(l: &mut Lowering<'_, '_>, axis: &str, e: &Expr, place: &Place) -> bool {
+    let ExprKind::Name(name) = &e.kind else { return false };
+    if place.bound(&name.text).is_some() || l.symbols.lookup(place.scope, &name.text).is_some() {
+        return false;
+    }
+    if l.ledger.is_first_unbound(&name.text) {
+        let built_in = matches!(name.text.as_str(), "n" | "steps" | "step" | "clock" | "e" | "pi");
+        let fault = Diagnostic::error(codes::UNKNOWN_NAME, format!("`{}` is not bound here", name.text), name.span)
+            .label("not an index of this statement")
+            .help(format!("add it to the `for` of the statement: `for {} in {axis}`", name.text));
+        let note = format!("`{}` alone is the built-in name", name.text);
+        l.ledger.report(if built_in { fault.note(note) } else { fault });
+    }
+    true
+}
+
 /// Position of a member in its set.
 pub(in crate::elaborate) fn member(l: &mut Lowering<'_, '_>, set: SetId, e: &Expr, place: &Place) -> Option<usize> {
     if let ExprKind::Name(name) = &e.kind {
@@ -109,6 +173,10 @@ pub(in crate::elaborate) fn member(l: &mut Lowering<'_, '_>, set: SetId, e: &Exp
                 }
             }
         }
+    }
+    let name = l.symbols.sets[set].name.clone();
+    if unbound_number(l, &name, e, place) {
+        return None;
     }
     let n = integer(l, e, place)?;
     if let Some(first) = l.symbols.sets[set].first
@@ -216,57 +284,6 @@ fn is_cell(e: &Expr, place: &Place) -> bool {
         ExprKind::Member(base, member) => member.text == "number" && cell_number(base, place).is_some(),
         ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => is_cell(a, place) || is_cell(b, place),
         _ => false,
-    }
-}
-
-/// A whole number known to the compiler.
-pub(in crate::elaborate) fn integer(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<i64> {
-    match integer_quietly(l, e, place) {
-        Some(n) => Some(n),
-        None => {
-            let v = l.value(e, place);
-            if v.is_poison() {
-                return None;
-            }
-            let d = match defaults::constant_value(l, v.expr) {
-                // The number is that of a sample, which need not be whole.
-                Some(x) if l.instances.samples.taken() && x.abs() < 1e6 => return Some(x.round() as i64),
-                Some(x) if x.abs() >= 1e15 => Diagnostic::error(codes::TOO_LARGE, "a whole number below 1e15 is needed here", e.span),
-                Some(x) => Diagnostic::error(codes::WRONG_KIND, format!("a whole number is needed here, this is {x}"), e.span),
-                None => Diagnostic::error(codes::WRONG_KIND, "a whole number known to the compiler is needed here", e.span)
-                    .label("changes while the model runs")
-                    .help("use numbers and parameters that are computed from numbers"),
-            };
-            l.ledger.report(d);
-            None
-        }
-    }
-}
-
-pub(in crate::elaborate) fn integer_quietly(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<i64> {
-    match &e.kind {
-        ExprKind::Number { value, unit: None } if value.fract() == 0.0 && value.abs() < 1e15 => Some(*value as i64),
-        ExprKind::Unary(UnaryOp::Neg, a) => Some(-integer_quietly(l, a, place)?),
-        ExprKind::Binary(op, a, b) => {
-            let (a, b) = (integer_quietly(l, a, place)?, integer_quietly(l, b, place)?);
-            match op {
-                BinaryOp::Add => a.checked_add(b),
-                BinaryOp::Sub => a.checked_sub(b),
-                BinaryOp::Mul => a.checked_mul(b),
-                BinaryOp::Div if b != 0 && a % b == 0 => Some(a / b),
-                _ => None,
-            }
-        }
-        _ => {
-            let reports = l.ledger.reports.diagnostics.len();
-            let v = l.value(e, place);
-            if v.is_poison() || l.ledger.reports.diagnostics.len() != reports {
-                return None;
-            }
-            let x = defaults::constant_value(l, v.expr)?;
-            defaults::mark_structural(l, v.expr);
-            (x.fract() == 0.0 && x.abs() < 1e15).then_some(x as i64)
-        }
     }
 }
 

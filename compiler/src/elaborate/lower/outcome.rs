@@ -1,6 +1,8 @@
 //! What the names of the episode stand for: `success`, `failure`, `timeout`, `reward`, `observations`.
 
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Ident;
+use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::bounded::Bounded;
@@ -27,6 +29,10 @@ pub(in crate::elaborate) struct EpisodeNames {
     pub outcome: Option<Outcome>,
     /// What is observed with its bounds, for failures on the box of the observations.
     pub observed: Vec<Bounded>,
+    /// The sampling interval in the unit of the time.
+    pub step: f64,
+    /// Unit and place of an `error_reward` that has a dimension or a scale.
+    pub error_reward: Option<(Unit, Span)>,
 }
 
 /// `success`, `failure`, `timeout`, `reward` in an expression.

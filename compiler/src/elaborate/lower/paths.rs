@@ -6,7 +6,7 @@ use smpl_dsl::syntax::{Expr, ExprKind};
 use crate::elaborate::lower::indices::cell_number;
 use crate::elaborate::lower::place::{Bound, Place, Target};
 use crate::elaborate::lower::value::Value;
-use crate::elaborate::lower::{Lowering, indices};
+use crate::elaborate::lower::{Lowering, structural};
 use crate::elaborate::symbols::{DomainId, ScopeId, SymbolKind, Symbols};
 /// `a.b.c`, `a[i].b[j, k]`
 pub(in crate::elaborate) fn reference(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Value {
@@ -93,7 +93,9 @@ pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: 
             if found.is_none() {
                 let known = crate::elaborate::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
                 let message = format!("there is no instance `{label}`: {known}");
-                l.ledger.report(Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span));
+                let fault = Diagnostic::error(codes::OUT_OF_RANGE, message, index[0].span).label("not among the instances");
+                let first = row.list.first().filter(|_| label == "0").map(|(first, _)| format!("instances are counted from `{first}`"));
+                l.ledger.report(fault.maybe_help(first));
             }
             found
         }
@@ -127,7 +129,7 @@ fn instance_label(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<S
             _ => name.text.clone(),
         });
     }
-    indices::integer(l, e, place).map(|n| n.to_string())
+    structural::integer(l, e, place).map(|n| n.to_string())
 }
 
 /// `z.first`, `z.last`, `z.cells`, `z.number` as numbers.

@@ -11,7 +11,7 @@ use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, defaults, indices};
+use crate::elaborate::lower::{Lowering, structural};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
 use crate::ir::{Affine, ExprId};
@@ -33,7 +33,7 @@ impl Lowering<'_, '_> {
                 if self.loops.counted.iter().any(|(n, _)| n == name) || symbol.is_some_and(|s| self.symbols.is_domain(s)) {
                     return None;
                 }
-                let (low, high) = (indices::integer_quietly(self, low, place)?, indices::integer_quietly(self, high, place)?);
+                let (low, high) = (structural::integer_quietly(self, low, place)?, structural::integer_quietly(self, high, place)?);
                 match self.symbols.numbers_of(name, place) {
                     Some((first, last)) => (low.max(first), high.min(last)),
                     None => (low, high),
@@ -76,11 +76,11 @@ impl Lowering<'_, '_> {
             },
             ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => {
                 if let Some(numbers) = self.run_index(a, place) {
-                    let by = indices::integer_quietly(self, b, place)?;
+                    let by = structural::integer_quietly(self, b, place)?;
                     return Some(numbers.shifted(if *op == BinaryOp::Add { by } else { -by }));
                 }
                 let numbers = self.run_index(b, place)?;
-                let n = indices::integer_quietly(self, a, place)?;
+                let n = structural::integer_quietly(self, a, place)?;
                 Some(if *op == BinaryOp::Add { numbers.shifted(n) } else { numbers.subtracted_from(n) })
             }
             _ => None,
@@ -100,15 +100,6 @@ impl Lowering<'_, '_> {
         Some(self.exprs.entry_at(values, at))
     }
 
-    /// A whole number that cannot change: of numbers, and of parameters that give sizes and indices.
-    fn settled_number(&mut self, e: &Expr, place: &Place) -> Option<i64> {
-        let v = self.value(e, place);
-        let settled =
-            !v.is_poison() && self.symbols.parameters_in(self.exprs, v.expr).iter().all(|(var, _)| self.constants.is_structural(*var));
-        let x = defaults::constant_value(self, v.expr).filter(|x| settled && x.fract() == 0.0 && x.abs() < 1e15)?;
-        Some(x as i64)
-    }
-
     /// The number that an index has, or the numbers of its range.
     fn counted_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
         if let Some(numbers) = self.run_index(e, place) {
@@ -124,7 +115,7 @@ impl Lowering<'_, '_> {
         };
         match &e.kind {
             ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) if number(self, a).is_some() => {
-                let by = indices::integer_quietly(self, b, place)?;
+                let by = structural::integer_quietly(self, b, place)?;
                 number(self, a).map(|n| Cell::single(if *op == BinaryOp::Add { n + by } else { n - by }))
             }
             _ => number(self, e).map(Cell::single),
@@ -138,8 +129,8 @@ impl Lowering<'_, '_> {
             (Some(x), Some(y)) if (x.along, x.step) == (y.along, y.step) => return Some(holds(op, x.first, y.first)),
             (Some(x), Some(y)) if y.along.is_none() => (x, op, y.first),
             (Some(x), Some(y)) if x.along.is_none() => (y, mirrored(op), x.first),
-            (Some(numbers), None) => (numbers, op, self.settled_number(b, place)?),
-            (None, Some(numbers)) => (numbers, mirrored(op), self.settled_number(a, place)?),
+            (Some(numbers), None) => (numbers, op, structural::settled(self, b, place)?),
+            (None, Some(numbers)) => (numbers, mirrored(op), structural::settled(self, a, place)?),
             _ => return None,
         };
         // The passes at which the answer may change.

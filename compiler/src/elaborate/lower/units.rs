@@ -184,6 +184,9 @@ fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
             "take a difference of two temperatures, or `kelvin(T)`".to_owned()
         });
     }
+    if is_dimensionless(found) && !is_plain_number(found) {
+        return Some(format!("multiply it by the quantity of which it is a share, in {wanted}"));
+    }
     if is_dimensionless(found) {
         return Some(format!("state the unit if the number has one: `... as [{wanted}]`"));
     }

@@ -174,13 +174,18 @@ pub(in crate::elaborate) fn blame_lengths(l: &mut Lowering<'_, '_>, before: usiz
     if l.ledger.reports.diagnostics.len() == before || !over_space {
         return;
     }
-    let is_bare = |domain: &DomainId| l.grids.ends(*domain).is_some_and(|(unit, ..)| unit.is_one());
-    let Some(domain) = l.symbols.domains.keys().find(is_bare) else { return };
+    let length = |unit: &Unit| Unit::named("m").is_some_and(|metre| unit.commensurable(&metre));
+    let other = |domain: DomainId| l.grids.ends(domain).map(|(unit, ..)| unit.clone()).filter(|unit| !length(unit));
+    let Some((domain, unit)) = l.symbols.domains.keys().find_map(|domain| Some((domain, other(domain)?))) else { return };
     let domain = &l.symbols.domains[domain];
     let (name, (low, high)) = (&domain.name, &domain.declaration.range);
     let span = Span { end: high.span.end, ..low.span };
     for fault in l.ledger.reports.diagnostics.iter_mut().skip(before).filter(|d| d.code == codes::UNIT_MISMATCH) {
-        fault.secondary.push(Label { span, text: format!("`{name}` is a pure number") });
+        let what = if unit.is_one() { "a pure number".to_owned() } else { units::describe(&unit) };
+        fault.secondary.push(Label { span, text: format!("`{name}` is {what}") });
         fault.notes.push(format!("if `{name}` is a length, its ends need the unit: `domain {name} in 0 [m]..1 [m]`"));
+        if !unit.is_one() {
+            fault.help = None;
+        }
     }
 }

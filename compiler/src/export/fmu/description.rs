@@ -114,6 +114,9 @@ fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
     if let Kind::Rate(state) = variable.kind {
         let _ = write!(xml, " derivative=\"{state}\"");
     }
+    if variable.reinit {
+        xml += " reinit=\"true\"";
+    }
     if is_unit(&variable.unit) {
         let _ = write!(xml, " unit=\"{}\"", escaped(&variable.unit));
     }

@@ -214,7 +214,9 @@ fn source(source: Source) -> &'static str {
 fn role(variable: &Variable) -> &'static str {
     match variable.kind {
         Kind::Input => "SMPL_INPUT",
-        Kind::State | Kind::Discrete => "SMPL_START",
+        Kind::State if variable.reinit => "SMPL_RESET_STATE",
+        Kind::State => "SMPL_STATE",
+        Kind::Discrete => "SMPL_START",
         Kind::Parameter | Kind::Switch => "SMPL_PARAMETER",
         Kind::Shaped => "SMPL_SHAPED",
         _ => "SMPL_CALCULATED",

@@ -1,6 +1,6 @@
 //! The variables of an FMU: one for each quantity of the model, arrays as arrays.
 
-use crate::export::sheet::Sheet;
+use crate::export::sheet::{Array, Sheet};
 use crate::export::{Element, ExportError};
 use crate::ir::FastSet;
 use crate::model::{Quantity, Time};
@@ -52,6 +52,8 @@ pub(super) struct Variable {
     pub elements: Vec<Element>,
     /// Where the elements are in what holds them.
     pub places: Vec<u32>,
+    /// A state with elements that an event or a sampling instant sets.
+    pub reinit: bool,
 }
 
 pub(super) struct Variables {
@@ -92,6 +94,7 @@ impl Variables {
     /// States with their rates behind them.
     fn add_states(&mut self, sheet: &Sheet) {
         let (i, f) = (&sheet.model.interface, &sheet.families);
+        let reset = reset_states(sheet);
         // Where the states of `y` in the order of the quantities are outside.
         let mut outside: Vec<u32> = (0..f.states.len() as u32).collect();
         if let Some(order) = &i.quantities.state_order {
@@ -104,7 +107,8 @@ impl Variables {
             let elements: Vec<Element> = places.iter().map(|&at| f.states[at as usize].clone()).collect();
             self.states.extend(&places);
             let state = self.list.len();
-            self.list.push(variable(quantity, elements.clone(), places.clone(), (Source::Y, Kind::State)));
+            let own = variable(quantity, elements.clone(), places.clone(), (Source::Y, Kind::State));
+            self.list.push(Variable { reinit: places.iter().any(|place| reset.contains(place)), ..own });
             let mut rate = variable(quantity, elements, places, (Source::Yp, Kind::Rate(state)));
             rate.name = format!("der({})", rate.name);
             rate.text = format!("rate of {}", quantity.name);
@@ -183,6 +187,13 @@ impl Variables {
     }
 }
 
+/// Places in `y` that updates of the model set after the start.
+fn reset_states(sheet: &Sheet) -> FastSet<u32> {
+    let updates = sheet.functions.iter().filter(|f| f.update && (matches!(&*f.name, "start" | "end") || f.name.starts_with("event_")));
+    let stores = updates.flat_map(|f| &f.nests).flat_map(|nest| &nest.stores);
+    stores.filter(|store| store.array == Some(Array::Y)).flat_map(|store| store.positions.iter().copied()).collect()
+}
+
 fn scalar(name: &str, text: &str, unit: &str, source: Source) -> Variable {
     Variable {
         name: name.to_owned(),
@@ -193,11 +204,12 @@ fn scalar(name: &str, text: &str, unit: &str, source: Source) -> Variable {
         shape: vec![],
         elements: vec![],
         places: vec![0],
+        reinit: false,
     }
 }
 
 fn variable(quantity: &Quantity, elements: Vec<Element>, places: Vec<u32>, (source, kind): (Source, Kind)) -> Variable {
     let shape = quantity.axes.iter().map(crate::model::Axis::len).collect();
     let unit = quantity.unit.clone();
-    Variable { name: quantity.name.clone(), text: quantity.text.clone(), unit, source, kind, shape, elements, places }
+    Variable { name: quantity.name.clone(), text: quantity.text.clone(), unit, source, kind, shape, elements, places, reinit: false }
 }

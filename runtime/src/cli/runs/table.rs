@@ -25,7 +25,13 @@ impl Keys<'_> {
             (name, if numbers { Kind::Number } else { Kind::Text })
         });
         let run = std::iter::once(("run".to_owned(), Kind::Integer));
-        run.chain(sweeps).chain([("seed".to_owned(), Kind::Integer)]).collect()
+        run.chain(sweeps).chain([("seed".to_owned(), self.kind_of_seeds())]).collect()
+    }
+
+    /// Seeds that have no place among signed numbers make the column one of unsigned numbers.
+    fn kind_of_seeds(&self) -> Kind {
+        let last = self.arguments.seed.saturating_add(self.episodes as u64 - 1);
+        if i64::try_from(last).is_ok() { Kind::Integer } else { Kind::Natural }
     }
 
     fn point(&self, index: usize) -> &Point {
@@ -42,7 +48,11 @@ impl Keys<'_> {
                 (value, _) => table.text(&value.to_string()),
             });
         }
-        cells.push(Cell::Integer(self.seed(index) as i64));
+        let seed = self.seed(index);
+        cells.push(match (self.kind_of_seeds(), i64::try_from(seed)) {
+            (Kind::Integer, Ok(seed)) => Cell::Integer(seed),
+            _ => Cell::Natural(seed),
+        });
         cells
     }
 

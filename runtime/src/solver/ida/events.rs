@@ -60,7 +60,7 @@ impl Traverse for Ida {
 
     fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.time = to;
-        self.initialise()?;
+        self.initialise(false)?;
         self.bridge().counts.restarts += 1;
         self.phase = Phase::Restarted;
         Ok(())

@@ -96,7 +96,7 @@ impl Shape {
     fn new(system: &dyn System) -> Self {
         let pattern: &Pattern = system.pattern();
         let columns = (0..pattern.dimension()).flat_map(|column| pattern.column(column).map(move |_| column)).collect();
-        Self { differential: system.differential().into(), rows: pattern.rows().into(), columns }
+        Self { differential: system.differential().into(), rows: pattern.rows().into(), columns, bounds: system.bounds().cloned() }
     }
 }
 

@@ -15,6 +15,8 @@ use sundials_sys::{
     SUNNonlinearSolver_Type_SUNNONLINEARSOLVER_ROOTFIND,
 };
 
+use smpl_compiler::kernels;
+
 use super::AFTER_SETUP;
 use crate::solver::callbacks::Bridge;
 use crate::solver::sundials::{Context, Kept, Lent};
@@ -159,7 +161,7 @@ impl Solve {
                 }
                 first = size;
             } else {
-                let rate = if iteration == 1 { size / first } else { (size / first).powf(1.0 / f64::from(iteration)) };
+                let rate = if iteration == 1 { size / first } else { kernels::pow(size / first, 1.0 / f64::from(iteration)) };
                 if rate > WORST_RATE {
                     return SUN_NLS_CONV_RECVR;
                 }

@@ -37,11 +37,11 @@ pub(super) struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Consistent values and derivatives at a time.
-    pub(crate) fn initialise(&mut self, t: f64) -> Result<(), SolveError> {
+    /// Consistent values and derivatives at a time; `first` where the algebraic unknowns are guesses.
+    pub(crate) fn initialise(&mut self, t: f64, first: bool) -> Result<(), SolveError> {
         self.one.frame.t = t;
         self.one.events.safe.forget();
-        self.make_consistent(t)?;
+        self.make_consistent(t, first)?;
         let frame = &mut self.one.frame;
         frame.functions.rates(self.system, t, &frame.begin, &mut frame.begin_rates);
         if !is_finite(&frame.begin_rates) {
@@ -56,11 +56,11 @@ impl Run<'_> {
     }
 
     /// Solves for algebraic unknowns.
-    fn make_consistent(&mut self, t: f64) -> Result<(), SolveError> {
+    fn make_consistent(&mut self, t: f64, first: bool) -> Result<(), SolveError> {
         let Some(algebra) = &mut self.one.algebra else { return Ok(()) };
         let n = self.one.frame.n;
         let yp = entries_mut(&mut self.one.derivative, n);
-        match algebra.solve(self.system, t, self.one.frame.y_mut(), yp) {
+        match algebra.begin(self.system, (t, first), self.one.frame.y_mut(), yp) {
             Ok(()) => Ok(()),
             Err(Failure::Method(error)) => Err(error),
             Err(Failure::Noted(trouble)) => {
@@ -456,7 +456,7 @@ impl Traverse for Run<'_> {
 
     fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.one.time = to;
-        self.initialise(to)?;
+        self.initialise(to, false)?;
         self.one.frame.functions.counts.restarts += 1;
         self.one.phase = Phase::Restarted;
         Ok(())

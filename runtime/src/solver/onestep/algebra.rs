@@ -51,10 +51,21 @@ impl Algebra {
         })
     }
 
+    /// As [`solve`](Self::solve), inside of the bounds where an integration begins; see [`Consistent::begin`].
+    pub(super) fn begin(&mut self, system: &mut dyn System, (t, first): (f64, bool), y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
+        self.y.entries_mut().copy_from_slice(y);
+        let found = self.with(system, |this| this.consistent.begin(&mut this.bridge, first, t, (&mut this.y, &mut this.yp)));
+        self.take(t, found, (y, yp))
+    }
+
     /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
     pub(super) fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         let found = self.with(system, |this| this.consistent.initialise(&mut this.bridge, t, &mut this.y, &mut this.yp));
+        self.take(t, found, (y, yp))
+    }
+
+    fn take(&self, t: f64, found: Result<(), Inconsistent>, (y, yp): (&mut [f64], &mut [f64])) -> Result<(), Failure> {
         found.map_err(|cause| self.failure(t, cause))?;
         y.copy_from_slice(self.y.entries());
         yp.copy_from_slice(self.yp.entries());

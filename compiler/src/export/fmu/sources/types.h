@@ -8,7 +8,7 @@ typedef enum {
 } smpl_source;
 
 /* When it may be set: never, at any time, before the start, between steps too, never since it is a part of the FMU. */
-typedef enum { SMPL_CALCULATED, SMPL_INPUT, SMPL_START, SMPL_PARAMETER, SMPL_SHAPED } smpl_role;
+typedef enum { SMPL_CALCULATED, SMPL_INPUT, SMPL_START, SMPL_STATE, SMPL_RESET_STATE, SMPL_PARAMETER, SMPL_SHAPED } smpl_role;
 
 /* A variable: its elements are at `places[first]`, ... of what holds it. */
 typedef struct {

@@ -69,10 +69,14 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference *refer
 static int is_settable(smpl_instance *s, smpl_role role)
 {
     const smpl_mode mode = s->now.mode;
+    const int early = mode == INSTANTIATED || mode == INITIALIZATION;
     switch (role) {
     case SMPL_INPUT: return mode != TERMINATED;
-    case SMPL_START: return mode == INSTANTIATED || mode == INITIALIZATION;
-    case SMPL_PARAMETER: return mode == INSTANTIATED || mode == INITIALIZATION || mode == EVENT || mode == STEP;
+    case SMPL_START: return early;
+    /* FMI 3.0.2: in model exchange, in event mode only what events do not set (reinit = false), in continuous-time mode all states. */
+    case SMPL_STATE: return early || mode == CONTINUOUS || (mode == EVENT && !s->co_simulation);
+    case SMPL_RESET_STATE: return early || mode == CONTINUOUS;
+    case SMPL_PARAMETER: return early || mode == EVENT || mode == STEP;
     default: return 0;
     }
 }

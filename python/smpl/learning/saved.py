@@ -1,0 +1,138 @@
+"""Files of policies with the formulation that they were trained in, see `save_policy`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from smpl.envs import Env, Interface
+from smpl.learning.agents import FILES
+from smpl.learning.environments import Formulated, FormulatedVectorEnv
+from smpl.learning.formulation import FILE, Form, FormulatedPolicy, Formulation, LearnedBox, names_of
+from smpl.model import Model
+from smpl.vector import VectorEnv
+
+
+def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
+    """Write a trained policy and the formulation that it was trained in, so that `--policy` runs it there.
+
+    The policy is written by its own `save`; the formulation, and the names of the observations and actions of the
+    environment, go to `NAME.formulation.json` next to it.
+
+    Args:
+        policy: of Stable-Baselines3 (`.zip`), of d3rlpy (`.d3`), or a TorchScript module (`.pt`).
+        path: of the file; its ending is that of the kind of policy.
+        env: the environment of the training, in its wrappers: `Formulated`, `FormulatedVectorEnv`, `SB3VecEnv`, a
+            vector environment of Stable-Baselines3 over them, or an environment without a formulation.
+
+    Returns:
+        The path of the policy file.
+
+    Raises:
+        TypeError: a policy that cannot be saved, or an environment that is not one of smpl.
+        ValueError: another ending, or a wrapper that changes observations or actions, which the file would not have.
+
+    Example:
+        save_policy(model, "ppo.zip", batch)    # then: python -m smpl.evaluate reactor --policy PPO:ppo.zip
+    """
+    file = Path(path)
+    if file.suffix not in FILES:
+        raise ValueError(f"path is {str(path)!r}, expected a file that ends in {', '.join(FILES)}")
+    if not callable(getattr(policy, "save", None)):
+        raise TypeError(f"policy is {type(policy).__name__}, expected an object with save")
+    form, interface = _beneath(env)
+    formulation = Formulation() if form is None else form.formulation
+    policy.save(str(file))
+    text = json.dumps({**asdict(formulation), "environment": names_of(interface)}, indent=1)
+    _sidecar(file).write_text(text + "\n", encoding="utf-8")
+    return file
+
+
+def _beneath(env: Any) -> tuple[Form | None, Interface]:
+    """The formulation of an environment in its wrappers, if there is one, and the environment of smpl."""
+    for one in _layers(env):
+        if isinstance(one, FormulatedVectorEnv):
+            return one.form, one
+        if isinstance(one, Formulated):
+            return one.form, one.form.interface
+        if isinstance(one, (Env, VectorEnv)):
+            return None, one
+    raise TypeError(f"env is {type(env).__name__}, expected an environment of smpl")
+
+
+def _layers(env: Any) -> Iterator[Any]:
+    """An environment and those that it wraps, from the outside.
+
+    Raises:
+        ValueError: a wrapper changes what the policy sees or does.
+    """
+    while env is not None:
+        yield env
+        inner = getattr(env, "env", None) or getattr(env, "venv", None) or next(iter(getattr(env, "envs", ())), None)
+        if hasattr(env, "obs_rms") or (inner is not None and _spaces(env) != _spaces(inner)):
+            raise ValueError(
+                f"the wrapper {type(env).__name__} changes observations or actions, which the file of a policy does "
+                "not keep: use a formulation for that, or save the policy and the wrapper yourself"
+            )
+        env = inner
+
+
+def _spaces(env: Any) -> tuple[Any, Any]:
+    """Observation and action space of one environment."""
+    observations = getattr(env, "single_observation_space", None) or env.observation_space
+    return observations, getattr(env, "single_action_space", None) or env.action_space
+
+
+def _sidecar(file: Path) -> Path:
+    return file.with_suffix(f".{FILE}")
+
+
+def sidecars(file: Path) -> tuple[Path, Path]:
+    """Files that may hold the formulation of a policy: its own, and that of all policies of the folder."""
+    return _sidecar(file), file.with_name(FILE)
+
+
+def in_its_formulation(policy: Any, file: Path, model: Model) -> Any:
+    """A policy of a file in the formulation that it was trained in, if one is known.
+
+    Raises:
+        ValueError: a damaged file, another one than the policy itself states, or observations and actions that are
+            not those of the model.
+    """
+    space = getattr(policy, "action_space", None)
+    own = (space.formulation, space.names) if isinstance(space, LearnedBox) else None
+    written = next((_read(one) for one in sidecars(file) if one.is_file()), None)
+    if own is None and written is None:
+        return policy
+    formulation, names = written or (Formulation.of(own[0]), own[1])  # type: ignore[index]
+    if own is not None and Formulation.of(own[0]) != formulation:
+        raise ValueError(
+            f"{file} was trained in another formulation than the one that is next to it: remove "
+            f"{' or '.join(str(one) for one in sidecars(file) if one.is_file())}, or save the policy anew by "
+            "smpl.learning.save_policy"
+        )
+    _check_names(file, names, model)
+    return policy if formulation.shapes_rewards_only else FormulatedPolicy(policy, formulation)
+
+
+def _read(path: Path) -> tuple[Formulation, Mapping[str, Any]]:
+    """The formulation of a file, and the names that it states."""
+    try:
+        given = json.loads(path.read_text(encoding="utf-8"))
+        names = dict(given.pop("environment", {}))
+        return Formulation.of(given), names
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path} is no formulation: {error}") from error
+
+
+def _check_names(file: Path, names: Mapping[str, Any], model: Model) -> None:
+    here = names_of(model)
+    for what, known in names.items():
+        if list(known) != here.get(what):
+            raise ValueError(
+                f"the policy {file} was trained on the {what} {', '.join(known)}; {model.name} (level "
+                f"{model.level!r}) has {', '.join(here.get(what, []))}: evaluate it on its own model and level"
+            )
