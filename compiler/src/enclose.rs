@@ -4,7 +4,7 @@
 //! lower bound and its derivative for its upper bound; time is the beginning of the span, and the scalar argument of a function its end. So the bounds are
 //! compiled, hoisted and kept in loops like any other function. Truth values become the pair *certainly* and *possibly*.
 //!
-//! Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
+//! Where a box reaches beyond the domain of a function, `sqrt(x)` with negative x, a bound is not a number. Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
 //! a smaller box makes them tighter (R. E. Moore, *Interval Analysis*, Prentice-Hall 1966, chapter 4).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -189,12 +189,6 @@ impl<'a> Encloser<'a> {
                 let all = self.all();
                 self.either(pole, all, bounds)
             }
-            // A root of what may be negative is that of zero at least.
-            UnaryFn::Sqrt => {
-                let zero = x.constant(0.0);
-                let low = x.binary(BinaryFn::Max, low, zero);
-                (x.unary(f, low), x.unary(f, high))
-            }
             // All others rise.
             _ => (x.unary(f, low), x.unary(f, high)),
         }
@@ -231,10 +225,8 @@ impl<'a> Encloser<'a> {
             BinaryFn::Mul => self.product((low_a, high_a), (low_b, high_b)),
             BinaryFn::Div => self.quotient((low_a, high_a), b),
             BinaryFn::Pow => {
-                // Powers of what may be negative are those of zero at least; in each operand they rise or fall.
-                let zero = x.constant(0.0);
-                let bases = [low_a, high_a].map(|base| x.binary(BinaryFn::Max, base, zero));
-                let all = bases.map(|base| [low_b, high_b].map(|exponent| x.binary(f, base, exponent)));
+                // In each operand they rise or fall.
+                let all = [low_a, high_a].map(|base| [low_b, high_b].map(|exponent| x.binary(f, base, exponent)));
                 self.hull(all.as_flattened())
             }
             BinaryFn::Atan2 => (x.constant(-PI), x.constant(PI)),

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::compiled::{CompiledModel, WatchRole};
 use smpl_compiler::model::{AlgebraicCounts, Quantity};
 
 use super::report::Failed;
@@ -114,6 +114,11 @@ fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path)
     let _ = writeln!(text, "  actions               {}", count(&interface.quantities.actions));
     let _ = writeln!(text, "  observations          {}", interface.finish.observations.len());
     let _ = writeln!(text, "  parameters            {}", count(&interface.quantities.parameters));
+    let switches = |kink: bool| {
+        let is = |role: WatchRole| if kink { matches!(role, WatchRole::Kink { .. }) } else { role == WatchRole::Jump };
+        model.watched().iter().filter(|kind| is(kind.role)).count()
+    };
+    let _ = writeln!(text, "  switches              {} jumps, {} kinks", switches(false), switches(true));
     let _ = writeln!(text, "  Jacobian              {} nonzeros, {}", model.pattern().row_indices.len(), method(model)?);
     let back_end = statistics.differentiate + statistics.hoist + statistics.generate;
     let phases = [

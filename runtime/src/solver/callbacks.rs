@@ -108,8 +108,6 @@ pub(crate) struct Bridge {
     pub derivative: Option<Vector>,
     /// The last accepted steps, where bounds of root functions are known.
     pub history: Option<History>,
-    /// Steps up to this length are short.
-    pub short_step: f64,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps: Steps,
@@ -137,7 +135,6 @@ impl Bridge {
             watch,
             derivative: None,
             history: None,
-            short_step: 0.0,
             counts: Statistics::default(),
             trouble: None,
             steps: Steps::default(),
@@ -353,7 +350,6 @@ impl Bridge {
             return Ok(self.watch.accept(t));
         }
         let from = history.step_began();
-        let short = t - from <= self.short_step && from >= self.watch.loose_until;
         history.surround();
         if history.safe.holds(t, &history.unknowns, (&history.least, &history.most)) || self.is_safe_beyond(history, (from, t))? {
             if !self.watch.has_loose() {
@@ -368,13 +364,13 @@ impl Bridge {
         self.watch.begin_step();
         self.evaluate_roots_in_step(t, y)?;
         self.bound_roots(history, (from, t))?;
-        let open = self.watch.what_is_open(short);
+        let open = self.watch.what_is_open(false);
         if open == Open::Nothing && !self.watch.has_unbounded() {
             return Ok(self.watch.accept(t));
         }
         history.enclose_tolerances(|unknown, value| self.tolerance(unknown, value));
         self.bound_roots(history, (t, t))?;
-        looks_into(&mut Within { bridge: self, history }, (from, t), (open, short))
+        looks_into(&mut Within { bridge: self, history }, (from, t), (open, false))
     }
 
     /// Whether nothing can happen in a box that reaches beyond the last step.

@@ -114,12 +114,7 @@ impl Safe {
     }
 
     /// A box that reaches beyond bounds over a step, to be tried: its times and its ends; `None` where none is due.
-    pub(crate) fn beyond(
-        &mut self,
-        (from, to): (f64, f64),
-        unknowns: &[u32],
-        (least, most): (&[f64], &[f64]),
-    ) -> Option<((f64, f64), &[f64], &[f64])> {
+    pub(crate) fn beyond(&mut self, (from, to): (f64, f64), unknowns: &[u32], (least, most): (&[f64], &[f64])) -> Option<Reach<'_>> {
         self.until = f64::NEG_INFINITY;
         if self.pause > 0 {
             self.pause -= 1;
@@ -143,18 +138,21 @@ impl Safe {
     }
 }
 
+/// A box with the times over which it reaches.
+type Reach<'a> = ((f64, f64), &'a [f64], &'a [f64]);
+
 /// Coefficients in Bernstein's basis of a degree by values at equidistant points: the inverse of the basis there.
 fn matrix(degree: usize) -> Matrix {
     let mut basis = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
     let mut inverse = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
-    for k in 0..=degree {
-        let x = if degree == 0 { 0.0 } else { k as f64 / degree as f64 };
+    for (k, (basis, inverse)) in basis.iter_mut().zip(&mut inverse).enumerate().take(degree + 1) {
+        let x = k as f64 / degree.max(1) as f64;
         let mut binomial = 1.0;
-        for j in 0..=degree {
-            basis[k][j] = binomial * x.powi(j as i32) * (1.0 - x).powi((degree - j) as i32);
+        for (j, value) in basis.iter_mut().enumerate().take(degree + 1) {
+            *value = binomial * x.powi(j as i32) * (1.0 - x).powi((degree - j) as i32);
             binomial *= (degree - j) as f64 / (j + 1) as f64;
         }
-        inverse[k][k] = 1.0;
+        inverse[k] = 1.0;
     }
     // Gauss and Jordan; the basis is totally positive and needs no pivots.
     for pivot in 0..=degree {

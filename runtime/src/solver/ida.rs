@@ -16,7 +16,7 @@ use super::forcing::{Course, Forcing};
 use super::linear::Method;
 use super::quadrature::Integrals;
 use super::sundials::{IdaCounts, Memory, Task, check};
-use super::traverse::{SHORT, Traverse};
+use super::traverse::Traverse;
 use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
 use super::{Advance, Bounds, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
@@ -223,7 +223,6 @@ impl Ida {
         self.memory.begin();
         let (interval, fresh) = (t_end - self.time, self.phase == Phase::Restarted);
         self.past.longest_interval = self.past.longest_interval.max(interval);
-        self.memory.bridge_mut().short_step = SHORT * self.past.longest_interval;
         if fresh && self.settle()? {
             return Ok(Advance::Event);
         }
@@ -465,7 +464,7 @@ impl Integrator for Ida {
         bridge.newton.forget();
         bridge.watch.edges.fill(Edge::default());
         bridge.watch.undefined = None;
-        bridge.watch.loose_until = f64::NEG_INFINITY;
+        bridge.watch.forget_ties();
         bridge.counts = Statistics::default();
     }
 

@@ -255,7 +255,7 @@ impl Integrator for OneStep {
         self.algebra.iter_mut().for_each(Algebra::forget);
         self.events.watch.edges.fill(Edge::default());
         self.events.watch.undefined = None;
-        self.events.watch.loose_until = f64::NEG_INFINITY;
+        self.events.watch.forget_ties();
         self.frame.functions.counts = Statistics::default();
     }
 

@@ -33,7 +33,7 @@ const ROUNDING: f64 = 4.0 * f64::EPSILON;
 const WIDER: f64 = 16.0;
 
 /// Steps of this part of an interval are so short that a kink in them may hold the solution.
-pub(crate) const SHORT: f64 = 1e-3;
+pub(crate) const SHORT: f64 = 1e-4;
 
 /// A tie is looked for within so many tolerances.
 pub(crate) const TIE: f64 = 10.0;
@@ -51,6 +51,9 @@ const COARSE: f64 = 0.1;
 
 /// For this part of the interval no tie is looked for where there was none.
 const PATIENCE: f64 = 1e-4;
+
+/// Ties that are tried at most in one advance.
+pub(crate) const MOST_TIES: u32 = 64;
 
 /// Corrections of an unknown until a root function is zero.
 const CORRECTIONS: u32 = 8;
@@ -280,9 +283,12 @@ pub(crate) trait Traverse {
     /// become equal; whether they do. Otherwise the solution would be led across and back without end.
     fn hold_tie(&mut self, switch: usize) -> Result<bool, SolveError> {
         let time = self.time();
-        if time < self.watched().0.loose_until || !self.is_explicit() {
+        let explicit = self.is_explicit();
+        let watch = self.watched().0;
+        if time < watch.loose_until || watch.ties >= MOST_TIES || !explicit {
             return Ok(false);
         }
+        watch.ties += 1;
         let Some((at, slope)) = self.steepest(switch)? else { return Ok(false) };
         let (before, tolerance, ahead) = (*self.unknown_mut(at), self.tolerance(at), self.span(AHEAD));
         if self.moves_to_threshold(switch, (at, slope))? && (*self.unknown_mut(at) - before).abs() <= TIE * tolerance {

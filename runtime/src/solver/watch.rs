@@ -95,8 +95,9 @@ pub(crate) struct Watch {
     pub stale: bool,
     /// The switch at which the integration stopped.
     pub switched: Option<usize>,
-    /// No tie is looked for before this time.
+    /// No tie is looked for before this time; and how many were tried.
     pub loose_until: f64,
+    pub ties: u32,
     /// How they move there.
     motion: Box<[f64]>,
     /// What of them is rounding.
@@ -210,6 +211,11 @@ impl Watch {
         self.edges.copy_from_slice(&self.origin);
     }
 
+    /// Nothing is known of ties.
+    pub(super) fn forget_ties(&mut self) {
+        (self.loose_until, self.ties) = (f64::NEG_INFINITY, 0);
+    }
+
     /// The next kink from a number on.
     pub(super) fn kink_from(&self, from: usize) -> Option<usize> {
         (from..self.kinds.len()).find(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. }))
@@ -225,7 +231,9 @@ impl Watch {
         let n = self.edges.len();
         self.loose.clear();
         for i in 0..n {
-            let certain = self.kinds[i].bounded && if self.edges[i].holds { self.bounds[i] > 0.0 } else { self.bounds[n + i] < 0.0 };
+            let (low, high) = (self.bounds[i], self.bounds[n + i]);
+            // What may not be a number is looked at.
+            let certain = self.kinds[i].bounded && low <= high && if self.edges[i].holds { low > 0.0 } else { high < 0.0 };
             match self.kinds[i].role {
                 _ if certain => {}
                 RootRole::Kink { .. } => self.loose.push(i),
@@ -498,7 +506,11 @@ impl Watch {
             } else if value.abs() <= near.max(2.0 * edge.band) {
                 let holds = match edge.holds {
                     true => motion >= 0.0 && !stops,
-                    false => !kind.strict && (motion > 0.0 || (stops && motion == 0.0)) && (stops || !edge.stays(value)),
+                    false => {
+                        // An equation does not wait.
+                        let waits = kind.strict && kind.role == RootRole::Event;
+                        !waits && (motion > 0.0 || (stops && motion == 0.0)) && (stops || !edge.stays(value))
+                    }
                 };
                 Edge { holds, band: near.max(value.abs()) }
             } else {

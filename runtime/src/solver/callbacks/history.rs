@@ -106,9 +106,9 @@ impl History {
         self.degree = degree;
         let times = &self.times;
         let mut per_time = [[0.0; POINTS]; POINTS];
-        for level in 1..=degree {
-            for k in level..=degree {
-                per_time[level][k] = 1.0 / (times[k] - times[k - level]);
+        for (level, per_time) in per_time.iter_mut().enumerate().take(degree + 1).skip(1) {
+            for (k, per_time) in per_time.iter_mut().enumerate().take(degree + 1).skip(level) {
+                *per_time = 1.0 / (times[k] - times[k - level]);
             }
         }
         // The product of the first two factors lies between -step²/4 and 0; the other times are before both ends of the step.

@@ -5,7 +5,7 @@ use std::os::raw::c_int;
 use super::super::callbacks::Trouble;
 use super::super::forcing::Course;
 use super::super::inside::{Inside, looks_into, stays};
-use super::super::traverse::{SHORT as SHORT_STEP, Traverse};
+use super::super::traverse::{MOST_TIES, SHORT as SHORT_STEP, Traverse};
 use super::super::watch::{Open, Watch};
 use super::super::{Advance, FirstStep, Method, SolveError, System};
 use super::algebra::Failure;
@@ -338,7 +338,9 @@ impl Run<'_> {
     /// Whether the step that ends here is so short that a kink may hold the solution.
     fn is_short(&self, to: f64) -> bool {
         let from = self.one.frame.t;
-        to - from <= SHORT_STEP * self.one.longest_interval && from >= self.one.events.watch.loose_until
+        to - from <= SHORT_STEP * self.one.longest_interval
+            && from >= self.one.events.watch.loose_until
+            && self.one.events.watch.ties < MOST_TIES
     }
 
     /// The same where the step leaves what is known to be safe.
