@@ -4,7 +4,8 @@
 //! lower bound and its derivative for its upper bound; time is the beginning of the span, and the scalar argument of a function its end. So the bounds are
 //! compiled, hoisted and kept in loops like any other function. Truth values become the pair *certainly* and *possibly*.
 //!
-//! Where a box reaches beyond the domain of a function, `sqrt(x)` with negative x, a bound is not a number. Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
+//! Where a box reaches beyond the domain of a function, `sqrt(x)` with negative x, a bound is not a number.
+//! Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
 //! a smaller box makes them tighter (R. E. Moore, *Interval Analysis*, Prentice-Hall 1966, chapter 4).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

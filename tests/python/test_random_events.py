@@ -31,8 +31,8 @@ def check(case, seed: int) -> None:
         pytest.fail(about, pytrace=False)
 
 
-# Phases with opposite conditions on an algebraic variable, which a restart corrects across the threshold; and windows of time so near each other that the
-# integration ends in the failure `solver`.
+# Phases with opposite conditions on an algebraic variable, which a restart corrects across the threshold;
+# and windows of time so near each other that the integration ends in the failure `solver`.
 LEFT_EVENTS = {11, 42, 71}
 LEFT_EQUATIONS = {76}
 

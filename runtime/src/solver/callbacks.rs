@@ -107,7 +107,7 @@ pub(crate) struct Bridge {
     /// Derivatives at the accepted state, where root functions look at them.
     pub derivative: Option<Vector>,
     /// The last accepted steps, where bounds of root functions are known.
-    pub history: Option<History>,
+    pub history: Option<Box<History>>,
     pub counts: Statistics,
     pub trouble: Option<Trouble>,
     steps: Steps,
