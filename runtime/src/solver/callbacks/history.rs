@@ -116,9 +116,9 @@ impl History {
         let bow = 0.25 * step * step;
         for (i, &at) in self.unknowns.iter().enumerate() {
             let mut differences: [f64; POINTS] = std::array::from_fn(|k| self.values[k][i]);
-            for level in 1..=degree {
+            for (level, per_time) in per_time.iter().enumerate().take(degree + 1).skip(1) {
                 for k in (level..=degree).rev() {
-                    differences[k] = (differences[k] - differences[k - 1]) * per_time[level][k];
+                    differences[k] = (differences[k] - differences[k - 1]) * per_time[k];
                 }
             }
             let (mut low, mut high) = (0.0_f64, 0.0_f64);
