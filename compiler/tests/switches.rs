@@ -116,8 +116,8 @@ fn bounds_of_events_hold_all_values_in_the_box() {
                 for ((value, low), high) in values.iter().zip(&bounds[..count]).zip(&bounds[count..]) {
                     let slack = 1e-12 * (1.0 + value.abs());
                     // A bound or a value that is not a number says nothing.
-                    let holds = !(*value < low - slack) && !(*value > high + slack);
-                    assert!(holds, "{condition}: {value} is not in {low}..{high} at {y:?}");
+                    let outside = *value < low - slack || *value > high + slack;
+                    assert!(!outside, "{condition}: {value} is not in {low}..{high} at {y:?}");
                 }
             }
         }

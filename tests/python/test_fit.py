@@ -320,17 +320,13 @@ def test_a_memory_that_moves_nothing_yet_is_found_too():
     assert np.abs(found[-1]) > 10
 
 
-def test_a_step_that_cannot_be_differentiated_is_said(readings):
-    """Equations that round what depends on a state have no derivative."""
+def test_equations_that_round_a_state_are_fitted_with_exact_derivatives(readings):
     text = MASSES.format("").replace("-k*x", "-k*x + 0.001[1/h]*floor(x)")
     model = smpl.compile(source=text, observation="noisy", settings={"rtol": 1e-8})
     found = smpl.fit(model, table(readings), ["k"])
-    assert found.derivatives.startswith("differences: run 0, step 0: the step has no derivative that can be computed")
-    assert found.derivatives in str(found)
+    assert found.derivatives == "exact"
     # The rate of the data is 0.7.
     assert abs(found.parameters["k"] - 0.7) < 0.05
-    with pytest.raises(smpl.SimulationError, match="an equation rounds what depends on unknowns"):
-        smpl.fit(model, table(readings), ["k"], derivatives="exact")
 
 
 def test_many_states_for_few_parameters_are_differences():

@@ -68,7 +68,7 @@ def test_the_table_tells_states_and_lines_of_each_environment(name: str) -> None
     assert int(cells[2]) == len(model.state_names)
     assert f"models/{ENVIRONMENTS[name]}.eq" in files
     assert files == {path: len((ROOT / path).read_text().splitlines()) for path in files}
-    assert re.fullmatch(r"[\d,]+", cells[4])
+    assert re.fullmatch(r"[\d,]+; [\d,]+", cells[4])
 
 
 def test_no_link_leads_to_the_repository_of_another_program() -> None:

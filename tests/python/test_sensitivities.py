@@ -475,9 +475,24 @@ def test_what_has_no_derivative_is_refused_by_name():
         smpl.compile(source=ends).sensitivity([1, 0], [0])
     with pytest.raises(smpl.SimulationError, match="broken"):
         smpl.compile(source=ends).step([1, 0], [0])
-    stairs = SWITCH.replace("eq d/dt x = (if x < level then u else 0.25*u)", "eq d/dt x = (floor(x) + u)")
-    with pytest.raises(smpl.SimulationError, match="rounds"):
-        smpl.compile(source=stairs).sensitivity([0.5], [1])
+
+
+def test_a_rounded_state_has_the_derivative_across_its_jumps():
+    """x = 0.1 + p t, and y' = floor(3 x): dy/dp and dy/dx by differences of the closed form."""
+    model = smpl.compile(
+        source="time t : 1\nparam p = 1.3\nstate x = 0.1\nstate y = 0\neq d/dt x = p\neq d/dt y = floor(3*x)\n"
+        "episode { step = 2 }\nsolver { rtol = 1e-10 }"
+    )
+    _, by_x, _, by_p = model.sensitivity([0.1, 0], [], parameters=("p",))
+
+    def y(x, p):
+        # Each whole number k adds the time that is left after 3 x passes it.
+        times = [(k / 3 - x) / p for k in range(1, 100)]
+        return sum(2 - t for t in times if 0 <= t < 2)
+
+    h = 1e-6
+    assert by_p[1, 0] == pytest.approx((y(0.1, 1.3 + h) - y(0.1, 1.3 - h)) / (2 * h), rel=1e-6)
+    assert by_x[1, 0] == pytest.approx((y(0.1 + h, 1.3) - y(0.1 - h, 1.3)) / (2 * h), rel=1e-6)
 
 
 def test_points_on_all_cores_are_the_points_one_by_one():

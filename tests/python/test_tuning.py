@@ -218,5 +218,6 @@ def test_the_command_tunes(suite, algorithm, package, tmp_path, capsys):
 
 
 def test_no_trial_begins_after_the_time_limit(tmp_path):
+    pytest.importorskip("optuna")
     trials = tune(SEARCH, tmp_path / "study.sqlite3", 10**6, objective=lambda *_: time.sleep(0.3) or 1.0, seconds=1.0)
     assert 1 <= len(trials) <= 4

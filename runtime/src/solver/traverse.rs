@@ -4,7 +4,7 @@
 
 use std::os::raw::c_int;
 
-use super::watch::Watch;
+use super::watch::{TIE, Watch};
 use super::{Advance, SolveError};
 
 /// Two times this near each other, in parts of the larger one, are one: the tables of a model know them no better.
@@ -34,9 +34,6 @@ const WIDER: f64 = 16.0;
 
 /// Steps of this part of an interval are so short that a kink in them may hold the solution.
 pub(crate) const SHORT: f64 = 1e-4;
-
-/// A tie is looked for within so many tolerances.
-pub(crate) const TIE: f64 = 10.0;
 
 /// A root function that moves by no more than this part of its tolerance, along the rates and as far as motion is looked for, is held.
 const STILL: f64 = 1e-8;
@@ -258,7 +255,14 @@ pub(crate) trait Traverse {
             let mut ahead = fine;
             while advance == Advance::Reached && self.time() < t_end {
                 let to = if ahead > COARSE * (at - began) { t_end } else { (at + ahead).min(t_end) };
-                advance = self.solve(to)?;
+                advance = match self.solve(to) {
+                    // So short a step leaves no room for shorter ones where algebraic unknowns jump.
+                    Err(error) if is_stuck(&error) => {
+                        self.cross(self.time())?;
+                        return self.solve(t_end);
+                    }
+                    advance => advance?,
+                };
                 ahead *= FURTHER;
             }
         }

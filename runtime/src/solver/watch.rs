@@ -9,7 +9,6 @@ use std::os::raw::c_int;
 use serde::{Deserialize, Serialize};
 
 use super::enclosure::hull;
-use super::traverse::TIE;
 use super::{RootKind, RootRole};
 
 /// What is known of the condition of one event.
@@ -23,6 +22,9 @@ pub struct Edge {
 
 /// A root function that has left its threshold.
 const AWAY: f64 = -1.0;
+
+/// A tie is looked for within so many tolerances.
+pub(crate) const TIE: f64 = 10.0;
 
 /// Part of the tolerance of a root function below which the search inside of a step does not look for events and jumps.
 const SHALLOW: f64 = 1e-3;

@@ -27,6 +27,7 @@ UNARY = {
     "floor": np.floor,
     "ceil": np.ceil,
     "round": np.round,
+    "smooth": lambda x: x,
     "single": lambda x: np.float64(np.float32(x)),
     "not": np.logical_not,
 }
