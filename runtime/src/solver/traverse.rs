@@ -102,6 +102,9 @@ pub(crate) trait Traverse {
     /// Whether the integration stops at jumps of the equations, too.
     fn reports_jumps(&self) -> bool;
 
+    /// Moves the states along their rates for a time.
+    fn go_along(&mut self, ahead: f64);
+
     /// An unknown at the present state.
     fn unknown_mut(&mut self, at: usize) -> &mut f64;
 
@@ -256,9 +259,10 @@ pub(crate) trait Traverse {
             while advance == Advance::Reached && self.time() < t_end {
                 let to = if ahead > COARSE * (at - began) { t_end } else { (at + ahead).min(t_end) };
                 advance = match self.solve(to) {
-                    // So short a step leaves no room for shorter ones where algebraic unknowns jump.
+                    // Where algebraic unknowns jump, no step comes across: the states go on along their rates.
                     Err(error) if is_stuck(&error) => {
-                        self.cross(self.time())?;
+                        self.go_along(fine);
+                        self.cross((self.time() + fine).min(t_end))?;
                         return self.solve(t_end);
                     }
                     advance => advance?,

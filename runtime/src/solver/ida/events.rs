@@ -138,6 +138,13 @@ impl Traverse for Ida {
         self.reports_jumps
     }
 
+    fn go_along(&mut self, ahead: f64) {
+        let rates = self.yp.entries().iter().zip(&self.shape.differential);
+        for (y, (rate, _)) in self.y.entries_mut().iter_mut().zip(rates).filter(|(_, (_, differential))| **differential) {
+            *y += ahead * rate;
+        }
+    }
+
     fn unknown_mut(&mut self, at: usize) -> &mut f64 {
         &mut self.y.entries_mut()[at]
     }

@@ -22,6 +22,9 @@ const MOST_REJECTIONS: u32 = 60;
 /// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
 const DOUBTFUL: f64 = 10.0;
 
+/// Steps of this part of an interval are those at switches.
+const TINY: f64 = 1e-9;
+
 /// The least bound of steps where a forcing turns, in roundings of time.
 const SHORTEST: f64 = 64.0;
 
@@ -458,6 +461,10 @@ impl Traverse for Run<'_> {
 
     fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.one.time = to;
+        // A step that ended at a switch says nothing of what comes.
+        if self.one.control.proposed < TINY * self.one.longest_interval {
+            self.one.control = Control::default();
+        }
         self.initialise(to, false)?;
         self.one.frame.functions.counts.restarts += 1;
         self.one.phase = Phase::Restarted;
@@ -569,6 +576,13 @@ impl Traverse for Run<'_> {
 
     fn reports_jumps(&self) -> bool {
         self.one.events.reports_jumps
+    }
+
+    fn go_along(&mut self, ahead: f64) {
+        let OneStep { frame, derivative, .. } = &mut *self.one;
+        for ((y, rate), mass) in frame.begin.iter_mut().zip(derivative.iter()).zip(&frame.mass) {
+            *y = std::array::from_fn(|lane| y[lane] + ahead * mass[lane] * rate[lane]);
+        }
     }
 
     fn unknown_mut(&mut self, at: usize) -> &mut f64 {
