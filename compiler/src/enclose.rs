@@ -4,7 +4,7 @@
 //! lower bound and its derivative for its upper bound; time is the beginning of the span, and the scalar argument of a function its end. So the bounds are
 //! compiled, hoisted and kept in loops like any other function. Truth values become the pair *certainly* and *possibly*.
 //!
-//! Where a box reaches beyond the domain of a function, `sqrt(x)` with negative x, a bound is not a number.
+//! A bound is not a number where the box exceeds the domain of a function (`sqrt(x)` with negative x).
 //! Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
 //! a smaller box makes them tighter (R. E. Moore, *Interval Analysis*, Prentice-Hall 1966, chapter 4).
 
@@ -195,7 +195,7 @@ impl<'a> Encloser<'a> {
         }
     }
 
-    /// Whether an interval meets `at + k * period` for a whole number k.
+    /// Returns whether an interval meets `at + k * period` for a whole number k.
     fn meets(&mut self, (low, high): Pair, at: f64, period: f64) -> ExprId {
         let x = self.x();
         let (shift, per) = (x.constant(at), x.constant(1.0 / period));

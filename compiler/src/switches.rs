@@ -4,7 +4,7 @@
 //! is one at which both forms agree: `abs`, `min`, `max`, a table of straight lines, a comparison whose branches meet. Each is a root function that changes its
 //! sign where the form changes. The integrator stops at jumps; at a kink it stops only if a step would otherwise pass a form without meeting it.
 //!
-//! What depends on time alone and is linear between breaks is left to them (see [`explicit_time`](crate::explicit_time)). What stands inside of `smooth(...)`
+//! Switches that depend linearly on time alone are breaks (see [`explicit_time`](crate::explicit_time)). Everything inside of `smooth(...)`
 //! is left to the error test.
 
 use std::f64::consts::PI;
@@ -43,7 +43,7 @@ pub(crate) struct Switch {
     pub guide: Option<ExprId>,
     /// Both forms agree where they meet.
     pub kink: bool,
-    /// What is compared: switches of one group look at one quantity. Each pass of the loops has a group of its own, but for the last `shared` loops.
+    /// Quantity that is compared: switches of one group look at one quantity. Each pass of the loops has a group of its own, but for the last `shared` loops.
     pub group: u32,
     /// Number of loops, counted from the last, over the thresholds of one quantity.
     pub shared: usize,
@@ -65,7 +65,7 @@ fn collect(model: &mut Model, time: &ExplicitTime) -> Vec<Switch> {
     Maker { exprs: &mut model.exprs, rows, choices, left: EFFORT, groups: FastMap::default(), next_group: 0 }.make(found)
 }
 
-/// What moves a node within a step.
+/// Dependence of a node on time and unknowns.
 #[derive(Clone, Copy, Default)]
 struct Moves {
     any: bool,
@@ -218,7 +218,7 @@ impl Maker<'_> {
         Some(Switch { root: (loops, value), guide, strict, kink, group, shared })
     }
 
-    /// What changes its sign where `floor(a)` and the like jump: the distance to the nearest whole number, with the sign of its parity; and a wave.
+    /// Functions that change their sign where `floor(a)` and the like jump: the distance to the nearest whole number, with the sign of its parity; and a wave.
     fn whole(&mut self, f: UnaryFn, a: ExprId) -> (ExprId, ExprId) {
         let x = &mut *self.exprs;
         let [half, one, two, pi] = [0.5, 1.0, 2.0, PI].map(|number| x.constant(number));
@@ -247,7 +247,7 @@ impl Maker<'_> {
         Some(self.exprs.sub(a, limit))
     }
 
-    /// Whether both forms of a table agree at all of its limits.
+    /// Returns whether both forms of a table agree at all of its limits.
     fn table_meets(&mut self, e: ExprId, limits: List, side: Side, a: ExprId) -> bool {
         if limits.len > POINTS {
             return false;
@@ -261,7 +261,7 @@ impl Maker<'_> {
         })
     }
 
-    /// Whether the two forms of what contains a switch agree where its quantity is at the threshold.
+    /// Returns whether the two forms of what contains a switch agree where its quantity is at the threshold.
     fn meets(&mut self, switch: ExprId, quantity: ExprId, threshold: ExprId, forms: [ExprId; 2]) -> bool {
         // The branches themselves, where nothing else looks at the comparison: they may agree where whole equations are too large to look at.
         let choices = self.choices.get(&switch).cloned().flatten();
@@ -304,7 +304,7 @@ impl Maker<'_> {
         found
     }
 
-    /// Whether two expressions have the same value, tried at two points.
+    /// Returns whether two expressions have the same value, tried at two points.
     fn agree(&mut self, a: ExprId, b: ExprId) -> bool {
         if a == b {
             return true;
@@ -332,31 +332,31 @@ fn somewhere(point: u32, var: VarId, flavour: Flavour, at: i64) -> f64 {
     0.5 + (mixed >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// What the integrator watches: the conditions of events, then the switches of the equations.
+/// Functions that the integrator watches: the conditions of events, then the switches of the equations.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Watched {
     /// The switches.
     pub switches: Vec<Switch>,
     /// Lower bounds of all root functions over a box of unknowns, then upper ones.
     pub bounds: Vec<Looped>,
-    /// What each root function is.
+    /// Kind of each root function.
     pub kinds: Vec<WatchKind>,
     /// The unknowns that root functions read, by their place in `y`.
     pub unknowns: Vec<u32>,
 }
 
-/// What a root function is.
+/// Kind of a root function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WatchKind {
     /// It does not hold at zero.
     pub strict: bool,
-    /// What it is for.
+    /// Purpose.
     pub role: WatchRole,
     /// There are bounds of it.
     pub bounded: bool,
 }
 
-/// What a root function is for.
+/// Purpose of a root function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum WatchRole {
     /// The condition of an event, by its index in [`Model::roots`].
@@ -371,7 +371,7 @@ pub enum WatchRole {
 }
 
 impl Watched {
-    /// What a model has to watch.
+    /// Collects what a model has to watch.
     pub(crate) fn new(model: &mut Model, time: &ExplicitTime) -> Watched {
         let switches = collect(model, time);
         let mut watched = Watched { switches, ..Watched::default() };

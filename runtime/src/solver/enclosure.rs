@@ -84,7 +84,7 @@ pub(crate) struct Safe {
     pause: u32,
 }
 
-/// How far beyond the bounds over a step a box reaches, in parts of their width, and in steps.
+/// Reach of a box beyond the bounds over a step, in parts of their width, and in steps.
 const REACH: f64 = 1.0;
 const AHEAD: f64 = 8.0;
 
@@ -103,7 +103,7 @@ impl Safe {
         (self.until, self.pause) = (f64::NEG_INFINITY, 0);
     }
 
-    /// Whether bounds of these unknowns up to a time are inside of the box.
+    /// Returns whether bounds of these unknowns up to a time are inside of the box.
     #[inline]
     pub(crate) fn holds(&self, to: f64, unknowns: &[u32], (least, most): (&[f64], &[f64])) -> bool {
         to <= self.until

@@ -21,10 +21,10 @@ const SAMPLES: u32 = 16;
 
 /// A step of which the inside can be looked at.
 pub(crate) trait Inside {
-    /// What a fault is.
+    /// Type of errors.
     type Error;
 
-    /// What is watched.
+    /// Conditions and their values.
     fn watch(&mut self) -> &mut Watch;
 
     /// Writes the bounds of the root functions between two times within the step.
@@ -34,7 +34,7 @@ pub(crate) trait Inside {
     fn look(&mut self, t: f64) -> Result<(), Self::Error>;
 }
 
-/// Whether kinks that are looked at in every step have not been passed in one that events and jumps do not concern. The values are those at its end afterwards.
+/// Returns whether kinks that are looked at in every step have not been passed in one that events and jumps do not concern. The values are those at its end afterwards.
 pub(crate) fn stays<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::Error> {
     if step.watch().stale {
         step.look(from)?;
@@ -136,7 +136,7 @@ fn open_parts<I: Inside>(step: &mut I, whole: Part, narrowest: f64, left: &mut u
     Ok((open, count, until))
 }
 
-/// Whether the bounds over a part leave a sign open. A part that can no longer be bounded is open.
+/// Returns whether the bounds over a part leave a sign open. A part that can no longer be bounded is open.
 fn is_open<I: Inside>(step: &mut I, part: Part, left: &mut u32) -> Result<bool, I::Error> {
     if *left == 0 {
         return Ok(true);

@@ -19,7 +19,7 @@ const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 /// What happens within this time happens at once, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
-/// Where motion is looked for that does not show that near, in multiples of it; and the parts of the way at which it has to show.
+/// Distances at which slow motion is looked for, in multiples of the first one; and the parts of the way at which it has to show.
 const FAR: [f64; 2] = [1e3, 1e6];
 const PARTS: [f64; 3] = [1.0, 0.25, 0.0625];
 
@@ -38,10 +38,10 @@ pub(crate) const SHORT: f64 = 1e-4;
 /// A root function that moves by no more than this part of its tolerance, along the rates and as far as motion is looked for, is held.
 const STILL: f64 = 1e-8;
 
-/// How long a step may be of which the polynomial is spoilt by a switch, over the interval and over the time itself.
+/// Longest step whose polynomial a switch may spoil, over the interval and over the time itself.
 const FINE: [f64; 2] = [1e-12, 64.0 * f64::EPSILON];
 
-/// How often a step is taken again at most; by how much the short one beyond grows; and how long it may become, in parts of the step.
+/// Most repetitions of a step; growth of the short step beyond; and its greatest length, in parts of the step.
 const REPEATS: u32 = 4;
 const FURTHER: f64 = 16.0;
 const COARSE: f64 = 0.1;
@@ -99,7 +99,7 @@ pub(crate) trait Traverse {
     /// Stays at this time, where a restart is needed.
     fn stop_at(&mut self, t: f64);
 
-    /// Whether the integration stops at jumps of the equations, too.
+    /// Returns whether the integration stops at jumps of the equations, too.
     fn reports_jumps(&self) -> bool;
 
     /// Moves the states along their rates for a time.
@@ -114,7 +114,7 @@ pub(crate) trait Traverse {
     /// An unknown that root functions read, by its number among these.
     fn watched_unknown(&self, number: usize) -> Option<usize>;
 
-    /// Whether the equations give the rates of all states.
+    /// Returns whether the equations give the rates of all states.
     fn is_explicit(&self) -> bool;
 
     /// The time at which the last step began, if the integration can go back there.
@@ -273,7 +273,7 @@ pub(crate) trait Traverse {
         Ok(advance)
     }
 
-    /// Where steps have become too short to go on: whether the equations hold the solution at a kink nearby.
+    /// Returns whether the equations hold the solution at a kink nearby, after steps have become too short.
     fn hold_any_tie(&mut self) -> Result<bool, SolveError> {
         let mut next = 0;
         self.watched().0.loose_until = f64::NEG_INFINITY;
@@ -471,7 +471,7 @@ pub(crate) trait Traverse {
     }
 }
 
-/// Whether steps have become too short to go on.
+/// Returns whether steps have become too short to go on.
 fn is_stuck(error: &SolveError) -> bool {
     matches!(
         error,
