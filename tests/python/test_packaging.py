@@ -21,7 +21,7 @@ def archive(tmp_path_factory):
         pytest.skip("maturin, or a checkout, is missing")
     folder = tmp_path_factory.mktemp("sdist")
     subprocess.run(["maturin", "sdist", "--out", folder], cwd=ROOT, check=True, capture_output=True)
-    (path,) = folder.glob("smpl-*.tar.gz")
+    (path,) = folder.glob("smpl_process-*.tar.gz")
     with tarfile.open(path) as opened:
         return {name.partition("/")[2] for name in opened.getnames()}
 
@@ -47,7 +47,7 @@ def test_the_source_distribution_has_all_that_commands_read(archive):
 
 
 def test_a_wheel_has_all_that_commands_read():
-    built = sorted(ROOT.glob("target/wheels/smpl-*.whl"))
+    built = sorted(ROOT.glob("target/wheels/smpl_process-*.whl"))
     if not built:
         pytest.skip("no wheel is built: .ci/wheel")
     with zipfile.ZipFile(built[-1]) as opened:

@@ -1,6 +1,6 @@
 """Run the tests of Gymnasium's conventions under several of its releases, each in a virtual environment of its own.
 
-python tests/python/versions.py dist/smpl-*.whl [--folder DIR] [VERSION ...]
+python tests/python/versions.py dist/smpl_process-*.whl [--folder DIR] [VERSION ...]
 """
 
 import argparse
