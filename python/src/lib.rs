@@ -27,7 +27,7 @@ use pyo3::prelude::*;
 /// Runs the command line; `arguments` begin with the program's name. Returns the exit status.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<String>) -> PyResult<i32> {
-    interrupt::released(py, || smpl_runtime::cli::run(arguments.into_iter().map(Into::into)))
+    interrupt::released(py, || smpl_tools::cli::run(arguments.into_iter().map(Into::into)))
 }
 
 /// The compiled part of the package `smpl`.

@@ -13,12 +13,12 @@ use smpl_compiler::export::{ExportError, Target};
 use smpl_compiler::model::{Instant, Port, PortMember, Variate};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element};
-use smpl_runtime::export::{ExportFault, export, export_fmu};
 use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::rules::Rules;
 use smpl_runtime::sensitivity::Sensitivities;
 use smpl_runtime::setup::{self, EnvironmentOptions, Setup};
 use smpl_runtime::solver::Method;
+use smpl_tools::export::{ExportFault, export, export_fmu};
 
 use crate::arrays::Fresh;
 use crate::equations::{Equations, Given};

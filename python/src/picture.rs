@@ -9,9 +9,9 @@ use numpy::{PyArray1, PyArray3};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use smpl_runtime::picture::{self, Format, NominalError, Run, SavedError, heading, items, plan};
 use smpl_runtime::setup::Setup;
 use smpl_runtime::trajectory::Recorder;
+use smpl_tools::picture::{self, Format, NominalError, Run, SavedError, heading, items, plan};
 
 use crate::environment::Env;
 use crate::errors::{reset_error, setup_error, step_error};

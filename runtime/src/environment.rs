@@ -270,7 +270,7 @@ impl Environment {
 
     /// Recorded disturbances that have ended and hold their last value though nobody said so of them, with the number of their values.
     #[must_use]
-    pub(crate) fn ended_records(&self) -> Vec<(String, usize)> {
+    pub fn ended_records(&self) -> Vec<(String, usize)> {
         let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
         self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
@@ -427,7 +427,7 @@ impl Environment {
     }
 
     /// The memory of the instance.
-    pub(crate) fn memory(&self) -> &smpl_compiler::layout::Memory {
+    pub fn memory(&self) -> &smpl_compiler::layout::Memory {
         self.system.memory()
     }
 

@@ -243,7 +243,7 @@ pub(crate) fn describe_solver(
 
 /// `equation at reactor.eq:41, d/dt T`.
 #[must_use]
-pub(crate) fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
+pub fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Catalogue, sources: Option<&SourceMap>) -> String {
     let state = catalogue.states.elements().iter().find(|e| e.at == unknown);
     let name = match state {
         Some(state) => format!("d/dt {}", state.name),
@@ -299,12 +299,12 @@ pub(crate) fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
 
 /// A unit behind a number; nothing for a number without one.
 #[must_use]
-pub(crate) fn unit_suffix(unit: &str) -> String {
+pub fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
 /// That a value lies outside of the bounds of its quantity, if it does: `h = 5 m lies outside of its bounds 0..1 m`.
-pub(crate) fn beyond(element: &Element, value: f64) -> Option<String> {
+pub fn beyond(element: &Element, value: f64) -> Option<String> {
     let unit = unit_suffix(&element.unit);
     let (low, high) = (element.low, element.high);
     let outside = !Quantity::admits(low, high, value);

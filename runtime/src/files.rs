@@ -27,7 +27,7 @@ pub struct WriteError {
 ///
 /// # Errors
 /// Where there is none, or it cannot be opened.
-pub(crate) fn open(path: &Path) -> io::Result<File> {
+pub fn open(path: &Path) -> io::Result<File> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
@@ -42,7 +42,7 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// As [`open`], and where the file is beyond reason.
-pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let too_large = || io::Error::new(io::ErrorKind::FileTooLarge, "is larger than a gigabyte");
     let file = open(path)?;
     if file.metadata()?.len() > MAX_BYTES {
@@ -58,12 +58,12 @@ pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`], and `InvalidData` where it is not UTF-8.
-pub(crate) fn read_text(path: &Path) -> io::Result<String> {
+pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, not_utf8(error.as_bytes())))
 }
 
 /// `not UTF-8 at line 3, column 7`, of bytes that are not.
-pub(crate) fn not_utf8(bytes: &[u8]) -> String {
+pub fn not_utf8(bytes: &[u8]) -> String {
     let valid = std::str::from_utf8(bytes).map_or_else(|error| error.valid_up_to(), str::len);
     let before = String::from_utf8_lossy(&bytes[..valid]);
     let line = before.matches('\n').count() + 1;
@@ -73,7 +73,7 @@ pub(crate) fn not_utf8(bytes: &[u8]) -> String {
 
 /// Whether two paths lead to one file.
 #[must_use]
-pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
+pub fn is_same(a: &Path, b: &Path) -> bool {
     match (fs::metadata(a), fs::metadata(b)) {
         (Ok(x), Ok(y)) => same_metadata(&x, &y).unwrap_or_else(|| fs::canonicalize(a).ok() == fs::canonicalize(b).ok()),
         _ => false,
@@ -82,7 +82,7 @@ pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
 
 /// Whether what is written to two paths goes into one file, whether it is there or not.
 #[must_use]
-pub(crate) fn is_same_destination(a: &Path, b: &Path) -> bool {
+pub fn is_same_destination(a: &Path, b: &Path) -> bool {
     is_same(a, b) || matches!((plain_name(a), plain_name(b)), (Some(a), Some(b)) if a == b)
 }
 
@@ -105,7 +105,7 @@ fn same_metadata(_: &Metadata, _: &Metadata) -> Option<bool> {
 
 /// Whether a path means the standard output.
 #[must_use]
-pub(crate) fn is_standard_output(path: &Path) -> bool {
+pub fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
@@ -155,7 +155,7 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
 ///
 /// # Errors
 /// [`WriteError`] with the path; nothing is left behind then.
-pub(crate) fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     let done = Destination::of(path).and_then(|destination| match destination {
         Destination::Output => write_into(io::stdout().lock(), fill),
         Destination::Errors => write_into(io::stderr().lock(), fill),
@@ -211,7 +211,7 @@ fn hand_on(replaced: &Metadata, file: &File) -> io::Result<()> {
 }
 
 /// The error without the operating system's number.
-pub(crate) fn plain(error: &std::io::Error) -> String {
+pub fn plain(error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotFound => "no such file".into(),
         std::io::ErrorKind::PermissionDenied => "permission denied".into(),

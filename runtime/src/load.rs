@@ -32,14 +32,14 @@ use crate::setup::EnvironmentOptions;
 pub const UNREADABLE: &str = codes::UNREADABLE.id();
 
 /// Ending of files that hold a compiled model.
-pub(crate) const ARTEFACT_EXTENSION: &str = "smplc";
+pub const ARTEFACT_EXTENSION: &str = "smplc";
 
 /// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
 pub(crate) const JSON_EXTENSION: &str = "json";
 
 /// Whether a file holds a model that was made for a scenario, variants and settings already.
 #[must_use]
-pub(crate) fn is_made(path: &Path) -> bool {
+pub fn is_made(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION || e == JSON_EXTENSION)
 }
 
@@ -215,7 +215,7 @@ fn compiled(
 }
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
-pub(crate) fn import(folder: &Path, path: &str) -> Option<(String, String)> {
+pub fn import(folder: &Path, path: &str) -> Option<(String, String)> {
     let library = std::env::var_os("SMPL_LIBRARY").and_then(|root| Path::new(&root).canonicalize().ok());
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     [Some(here.to_owned()), library.clone()].into_iter().flatten().find_map(|root| {
@@ -246,7 +246,7 @@ fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
 
 /// The file of a model and those that it imports, as far as they can be read.
 #[must_use]
-pub(crate) fn files_of(path: &Path) -> Vec<PathBuf> {
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let mut sources = SourceMap::new();
     if let Ok(text) = files::read_text(path) {
         let main = sources.add(path.display().to_string(), text);

@@ -10,7 +10,7 @@ use rayon::ThreadPool;
 use crate::interrupt;
 
 /// Threads that belong to a process: a child of a fork has none of them.
-pub(crate) struct Pool {
+pub struct Pool {
     threads: ManuallyDrop<ThreadPool>,
     process: u32,
 }
@@ -19,18 +19,18 @@ pub(crate) struct Pool {
 const MOST: usize = 64;
 
 /// Number of processors that this process may use.
-pub(crate) fn processors() -> usize {
+pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Number of threads for so many independent tasks: at most one each, and no more than four a processor or [`MOST`].
-pub(crate) fn useful(threads: usize, tasks: usize) -> usize {
+pub fn useful(threads: usize, tasks: usize) -> usize {
     threads.min(tasks).min(MOST.max(4 * processors())).max(1)
 }
 
 impl Pool {
     /// Threads that stop when the flag says so.
-    pub(crate) fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
+    pub fn new(count: usize, stop: &Arc<AtomicBool>) -> Result<Self, rayon::ThreadPoolBuildError> {
         let builder = rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("smpl-{i}"));
         let stop = Arc::clone(stop);
         let threads = builder.start_handler(move |_| interrupt::follow(Arc::clone(&stop))).build()?;
@@ -38,17 +38,17 @@ impl Pool {
     }
 
     /// Number of threads.
-    pub(crate) fn threads(&self) -> usize {
+    pub fn threads(&self) -> usize {
         self.threads.current_num_threads()
     }
 
     /// Whether this process made them.
-    pub(crate) fn is_mine(&self) -> bool {
+    pub fn is_mine(&self) -> bool {
         self.process == std::process::id()
     }
 
     /// Runs `work` on the threads; the caller waits, and asks meanwhile whether they are to stop.
-    pub(crate) fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
+    pub fn run(&self, stop: &AtomicBool, work: impl FnOnce() + Send) {
         let (done, caller) = (AtomicBool::new(false), thread::current());
         self.threads.in_place_scope(|scope| {
             scope.spawn(|_| {

@@ -126,20 +126,25 @@ pub(crate) struct Steady {
 
 /// What all instances of an environment share.
 pub struct Setup {
-    pub(crate) system: CompiledSystem,
+    /// The compiled functions, with the parameters in force.
+    pub system: CompiledSystem,
     /// Names and places.
     pub catalogue: Catalogue,
-    pub(crate) options: EnvironmentOptions,
-    pub(crate) settings: Settings,
+    /// Options that the environment was made with.
+    pub options: EnvironmentOptions,
+    /// Settings of the solver: declared ones with the options applied.
+    pub settings: Settings,
     pub(crate) draws: Vec<Drawn>,
-    pub(crate) reward: usize,
+    /// Place of the chosen reward among the declared ones.
+    pub reward: usize,
     pub(crate) max_steps: u32,
-    pub(crate) max_events: u32,
+    /// Most events within one step.
+    pub max_events: u32,
     pub(crate) programs: Programs,
     pub(crate) sources: Option<Arc<SourceMap>>,
     pub(crate) noise: Vec<f64>,
     /// Place of the number of the phase, where there is a schedule.
-    pub(crate) phase: Option<usize>,
+    pub phase: Option<usize>,
     pub(crate) steady: Steady,
     /// Made when it is first asked for.
     checksum: OnceLock<Result<[u8; 32], String>>,
@@ -248,7 +253,7 @@ impl Setup {
 
     /// The parameters that are drawn at a reset, or computed from such.
     #[must_use]
-    pub(crate) fn drawn_parameters(&self) -> Vec<&Element> {
+    pub fn drawn_parameters(&self) -> Vec<&Element> {
         let model = self.model().model();
         let mut drawn: HashSet<VarId> = HashSet::new();
         for store in model.programs.parameters.nests.iter().flat_map(|nest| &nest.stores) {

@@ -17,7 +17,7 @@ use smpl_compiler::graph::connected;
 use crate::inverse::Inverse;
 
 /// Largest block whose eigenvalues are all computed.
-pub(crate) const DENSE: usize = 500;
+pub const DENSE: usize = 500;
 /// Dimension of the Krylov space of a larger block.
 const KRYLOV: usize = 120;
 /// Residual, relative to the eigenvalue of the inverse, at which an eigenvalue counts as found.

@@ -84,7 +84,7 @@ impl Held {
     ///
     /// # Errors
     /// If a condition cannot be differentiated.
-    pub(crate) fn fix(&mut self, at: usize, value: f64, system: &mut CompiledSystem, y: &[f64]) -> Result<(), SteadyError> {
+    pub fn fix(&mut self, at: usize, value: f64, system: &mut CompiledSystem, y: &[f64]) -> Result<(), SteadyError> {
         self.states.retain(|(place, _)| *place != at);
         self.states.push((at, value));
         if !self.conditions.is_empty() {

@@ -6,8 +6,8 @@ mod read;
 mod record;
 mod resample;
 
-pub(crate) use format::seventeen_digits;
-pub(crate) use read::read_disturbances;
+pub use format::seventeen_digits;
+pub use read::read_disturbances;
 pub use read::{Columns, DataError, Inputs, Values, read_actions, read_columns, read_initial};
 pub use record::Recorder;
 pub use resample::{Between, Clock, Holds, OnSteps, ResampleError, on_steps};
@@ -16,7 +16,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 pub use crate::files::WriteError;
-pub(crate) use crate::files::write_whole;
+pub use crate::files::write_whole;
 
 /// Whether the name of a file says that it is Parquet.
 fn is_parquet(path: &Path) -> bool {

@@ -176,15 +176,3 @@ fn a_swap_is_refused_while_the_train_is_busy() {
         .collect();
     assert_eq!(loading, expected);
 }
-
-#[test]
-fn the_phases_are_named_in_pictures() {
-    let folder = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let model = std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../models/mab_plant.eq");
-    let plot = folder.join("plant.svg");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_smpl"));
-    let done = command.arg("simulate").arg(model).args(["--steps", "2", "--plot"]).arg(&plot).output().expect("the command runs");
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    let picture = std::fs::read_to_string(plot).expect("a picture");
-    assert!(picture.contains(">idle</text>"), "no band of the phase");
-}

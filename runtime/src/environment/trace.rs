@@ -43,7 +43,7 @@ impl Environment {
     }
 
     /// What was followed; nothing is any more.
-    pub(crate) fn take_trace(&mut self) -> Option<Trace> {
+    pub fn take_trace(&mut self) -> Option<Trace> {
         self.trace.take().map(|trace| *trace)
     }
 

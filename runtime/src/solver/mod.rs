@@ -41,7 +41,7 @@ mod ida;
 mod inside;
 mod integrator;
 mod kernels;
-pub(crate) mod linear;
+pub mod linear;
 mod newton;
 mod onestep;
 pub mod problems;

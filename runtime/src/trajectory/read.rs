@@ -389,11 +389,7 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 ///
 /// # Errors
 /// See [`DataError`].
-pub(crate) fn read_disturbances(
-    path: &Path,
-    catalogue: &Catalogue,
-    clock: Clock,
-) -> Result<(Sequences, Option<(String, usize)>), DataError> {
+pub fn read_disturbances(path: &Path, catalogue: &Catalogue, clock: Clock) -> Result<(Sequences, Option<(String, usize)>), DataError> {
     let table = RawTable::read(path)?;
     if catalogue.disturbances.is_empty() {
         return Err(DataError::NoDisturbances { path: table.path });

@@ -1,13 +1,10 @@
 //! Ends, reports, draws, and the command line.
 
-use std::path::PathBuf;
-use std::process::Command;
-
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput};
 use smpl_runtime::failure::Failure;
 use smpl_runtime::load::LoadOptions;
 
-use super::support::pensim::{self, environment, options, pensim};
+use super::support::pensim::{environment, options, pensim};
 use super::support::reference;
 
 const RECIPE_START: [f64; 6] = [0.0, 8.0, 22.0, 30.0, 0.6, 0.0];
@@ -209,45 +206,4 @@ fn a_nominal_start_puts_everything_at_its_mean() {
         let got = env.unknowns()[element.at];
         assert!((got - expected).abs() <= 1e-15 * expected.abs(), "{}: {got} {expected}", element.name);
     }
-}
-
-fn column(path: &PathBuf, name: &str) -> Vec<String> {
-    let mut reader = csv::Reader::from_path(path).expect("the table");
-    let at = reader.headers().expect("a heading").iter().position(|h| h == name);
-    let at = at.unwrap_or_else(|| panic!("no column {name}"));
-    reader.records().map(|r| r.expect("a row")[at].to_owned()).collect()
-}
-
-/// The options of the contract together: a reference episode through the command.
-#[test]
-#[cfg_attr(not(references), ignore = "needs the reference trajectories (SMPL_REFERENCE)")]
-fn the_command_replays_a_reference_episode() {
-    let Some(table) = reference::table("pensim_2_default.csv") else {
-        return;
-    };
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let (drawn, out) = (reference::table("pensim_parameters.csv"), folder.join("pensim_2.csv"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
-    command.arg("simulate").arg(pensim::path()).args(["--start", "nominal", "--steps", "60", "--rtol", "1e-9"]);
-    for option in ["actions", "disturbances"] {
-        command.arg(format!("--{option}")).arg(reference::path("pensim_2_default.csv").expect("installed"));
-    }
-    command.arg("--init").arg(reference::path("pensim_2_init.csv").expect("installed"));
-    command.args(["--set", "paa_schedule=minutes"]);
-    for name in pensim::DRAWN {
-        let value = drawn.as_ref().expect("installed").get(1, name);
-        command.args(["--set", &format!("{name}={value}")]);
-    }
-    let done = command.arg("--out").arg(&out).output().expect("the command runs");
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    for name in ["V", "S", "Fpaa", "n9", "reward"] {
-        let reference = if name == "reward" { "yield.tight".into() } else { format!("{name}.tight") };
-        let values = column(&out, name);
-        assert_eq!(values.len(), 61);
-        for (row, value) in values.iter().enumerate().skip(1) {
-            let (got, expected): (f64, f64) = (value.parse().expect("a number"), table.get(row, &reference));
-            assert!((got - expected).abs() <= 1e-6 * expected.abs().max(1.0), "{name}, {row}: {got} {expected}");
-        }
-    }
-    assert_eq!(column(&out, "truncated").last().map(String::as_str), Some("true"));
 }

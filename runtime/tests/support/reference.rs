@@ -10,8 +10,8 @@ pub struct Table {
 
 /// Where a file is, or `None` where the references are not installed: tests that need them are ignored then.
 pub fn path(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("SMPL_REFERENCE")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference"), PathBuf::from);
+    let folder =
+        std::env::var_os("SMPL_REFERENCE").map(PathBuf::from).or_else(|| option_env!("SMPL_REFERENCE_FOLDER").map(PathBuf::from))?;
     let path = folder.join(name);
     assert!(path.exists() || !folder.is_dir(), "{} is not among the reference trajectories", path.display());
     path.exists().then_some(path)

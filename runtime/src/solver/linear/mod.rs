@@ -44,6 +44,14 @@ impl Display for Method {
     }
 }
 
+/// The linear solver that a matrix of this pattern gets.
+///
+/// # Errors
+/// If the memory of a factorisation cannot be had.
+pub fn method(pattern: &Pattern, choice: LinearSolver) -> Result<Method, SolveError> {
+    Ok(Factorisation::new(pattern, choice)?.method())
+}
+
 /// The matrix has no factorisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Singular {

@@ -1,0 +1,12 @@
+//! smpl-tools: the command `smpl` and the documents, pictures and files that it makes.
+//!
+//! [`cli`] is the command. [`picture`] draws trajectories, [`export`] writes models for other tools, [`import`] reads models of other tools.
+
+#![warn(unreachable_pub)]
+
+pub mod cli;
+pub(crate) mod document;
+pub mod export;
+pub(crate) mod import;
+pub mod picture;
+pub(crate) mod sweep;
