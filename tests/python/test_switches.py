@@ -475,3 +475,65 @@ def test_a_derivative_across_a_pulse_found_inside_of_a_step_is_that_of_its_area(
     assert value == pytest.approx(area / 1.3, abs=1e-6)
     assert found == pytest.approx(-area / 1.3**2, rel=1e-3, abs=1e-6)
     assert differences == pytest.approx(-area / 1.3**2, rel=1e-3, abs=1e-5)
+
+
+# x = t; the places are those at which one of the two estimates of the error of an explicit step vanishes, and others.
+PLACES = np.concatenate([[0.6647, 0.9212, 0.5931, 0.3923, 0.9763], np.random.default_rng(5).random(25)])
+
+# Rate in terms of x and p; its integral from 0 to 1.
+KINKS = {
+    "abs(x - p)": lambda p: (p**2 + (1 - p) ** 2) / 2,
+    "exp(-abs(x - p))": lambda p: 2 - np.exp(-p) - np.exp(p - 1),
+    "max(x - p, 0)^1.5": lambda p: (1 - p) ** 2.5 / 2.5,
+    "max(x - p, 0)^2": lambda p: (1 - p) ** 3 / 3,
+}
+
+
+@methods
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+@pytest.mark.parametrize("rate", KINKS)
+def test_a_kink_anywhere_in_a_step_costs_no_accuracy(rate, rtol, method):
+    text = f"param p = 0 in -10..10\nstate x = 0\nstate y = 0\neq d/dt x = 1\neq d/dt y = {rate}"
+    episode = f"episode {{ step = 1, max_steps = 1 }}\nsolver {{ rtol = {rtol} }}"
+    env = smpl.Env(smpl.compile(source=f"time t : 1\n{text}\n{episode}\n"), normalize=False, method=method)
+    for place in PLACES:
+        env.reset(seed=0, options={"parameters": {"p": float(place)}})
+        env.step([])
+        assert state(env, "y") == pytest.approx(KINKS[rate](place), abs=20 * rtol), place
+
+
+@methods
+@pytest.mark.parametrize("count", [1, 4, 24])
+@pytest.mark.parametrize("power", [2.0, 2e3, 2e5, 1e8])
+def test_a_rate_that_jumps_by_any_size_is_integrated(power, count, method):
+    # T = 60 - 40 exp(-t/7200) reaches 35 at 7200 ln(40/25). A meter that starts at 0 has a small absolute tolerance.
+    text = f"state T = 20\nstate used = 0\neq d/dt T = (60 - T)/7200\neq d/dt used = if T > 35 then {power} else 0"
+    env, info = run(text, 86400.0, count, method)
+    assert not info["failure"]
+    assert state(env, "used") == pytest.approx(power * (86400 - 7200 * np.log(40 / 25)), rel=1e-8)
+
+
+@implicit_methods
+@counts
+def test_an_algebraic_variable_that_jumps_is_followed(count, method):
+    # a + a^3 = g, so that a dt = a (1 + 3 a^2) da / slope of g, the integral of which is (a^2/2 + 3/4 a^4) / slope.
+    text = """
+    state x = 0 in 0..5
+    state y = 0 in 0..5
+    var a = 0.1 in -10..10
+    eq d/dt x = 1
+    eq a + a^3 = (if x > 0.7 then 2*x else x)
+    eq d/dt y = a
+    """
+
+    def root(g):
+        return next(r.real for r in np.roots([1, 0, 1, -g]) if abs(r.imag) < 1e-12)
+
+    def area(a):
+        return a**2 / 2 + 3 * a**4 / 4
+
+    env, info = run(text, 2.0, count, method)
+    assert not info["failure"]
+    # IDA is as exact without the jump.
+    expected = area(root(0.7)) + (area(root(4.0)) - area(root(1.4))) / 2
+    assert state(env, "y") == pytest.approx(expected, rel=5e-7 if method == "ida" else 1e-7)

@@ -19,7 +19,7 @@ use super::linear::columns::all_finite;
 use super::newton::Newton;
 use super::sundials::Inquiry;
 use super::vector::{self, Content, Handle, Operations, Shared, Vector};
-use super::watch::{Open, Watch};
+use super::watch::{Closely, Open, Watch};
 use super::{Following, Statistics, System};
 use crate::interrupt::Pace;
 pub(crate) use entry::{error_weights, jacobian, linear_solver, matrix, quadratures, residual};
@@ -364,13 +364,13 @@ impl Bridge {
         self.watch.begin_step();
         self.evaluate_roots_in_step(t, y)?;
         self.bound_roots(history, (from, t))?;
-        let open = self.watch.what_is_open(false);
+        let open = self.watch.what_is_open(Closely::No);
         if open == Open::Nothing && !self.watch.has_unbounded() {
             return Ok(self.watch.accept(t));
         }
         history.enclose_tolerances(|unknown, value| self.tolerance(unknown, value));
         self.bound_roots(history, (t, t))?;
-        looks_into(&mut Within { bridge: self, history }, (from, t), (open, false))
+        looks_into(&mut Within { bridge: self, history }, (from, t), (open, Closely::No))
     }
 
     /// Whether nothing can happen in a box that reaches beyond the last step.

@@ -5,7 +5,7 @@
 //! [`NARROWEST`] of the step. Of those that stay open the two ends are looked at: what becomes true and ceases to hold within so short a time is the only thing
 //! that is not seen.
 
-use super::watch::{Open, Watch};
+use super::watch::{Closely, Open, Watch};
 
 /// Width of a part that is not divided further, in parts of the step.
 pub(crate) const NARROWEST: f64 = 1.0 / (1_u32 << 20) as f64;
@@ -51,7 +51,7 @@ pub(crate) fn stays<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<b
 
 /// Looks into a step whose bounds leave something open; whether something happens in it. The bounds of what is watched are those within the tolerances of the
 /// unknowns at its end.
-pub(crate) fn looks_into<I: Inside>(step: &mut I, (from, to): (f64, f64), (open, short): (Open, bool)) -> Result<bool, I::Error> {
+pub(crate) fn looks_into<I: Inside>(step: &mut I, (from, to): (f64, f64), (open, closely): (Open, Closely)) -> Result<bool, I::Error> {
     // The values at the end are looked at again where the search comes there.
     let watch = step.watch();
     std::mem::swap(&mut watch.ahead, &mut watch.values);
@@ -63,7 +63,7 @@ pub(crate) fn looks_into<I: Inside>(step: &mut I, (from, to): (f64, f64), (open,
     }
     let watch = step.watch();
     std::mem::swap(&mut watch.ahead, &mut watch.values);
-    watch.begin_search(short);
+    watch.begin_search(closely);
     if !watch.is_search_due(open) && !watch.has_unbounded() {
         return Ok(watch.accept(to));
     }

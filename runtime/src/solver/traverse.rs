@@ -46,6 +46,9 @@ const REPEATS: u32 = 4;
 const FURTHER: f64 = 16.0;
 const COARSE: f64 = 0.1;
 
+/// Greatest distance of a jump that steps have become too short to reach, over the interval and over the time itself.
+const NEARBY: [f64; 2] = [1e-8, 1e4 * f64::EPSILON];
+
 /// For this part of the interval no tie is looked for where there was none.
 const PATIENCE: f64 = 1e-4;
 
@@ -212,11 +215,17 @@ pub(crate) trait Traverse {
     fn solve_past_switches(&mut self, t_end: f64, stops: &mut u32) -> Result<Advance, SolveError> {
         loop {
             let advance = match self.solve_precisely(t_end) {
-                Err(error) if is_stuck(&error) && *stops < self.max_steps() && self.hold_any_tie()? => {
-                    *stops += 1;
-                    let time = self.time();
-                    self.cross(time)?;
-                    continue;
+                Err(error) if is_stuck(&error) && *stops < self.max_steps() => {
+                    if self.hold_any_tie()? {
+                        *stops += 1;
+                        let time = self.time();
+                        self.cross(time)?;
+                        continue;
+                    }
+                    if !self.passes_jump(t_end)? {
+                        return Err(error);
+                    }
+                    Advance::Event
                 }
                 advance => advance?,
             };
@@ -259,18 +268,60 @@ pub(crate) trait Traverse {
             while advance == Advance::Reached && self.time() < t_end {
                 let to = if ahead > COARSE * (at - began) { t_end } else { (at + ahead).min(t_end) };
                 advance = match self.solve(to) {
-                    // Where algebraic unknowns jump, no step comes across: the states go on along their rates.
-                    Err(error) if is_stuck(&error) => {
-                        self.go_along(fine);
-                        self.cross((self.time() + fine).min(t_end))?;
-                        return self.solve(t_end);
-                    }
+                    Err(error) if is_stuck(&error) => return if self.passes_jump(t_end)? { Ok(Advance::Event) } else { Err(error) },
                     advance => advance?,
                 };
                 ahead *= FURTHER;
             }
         }
         Ok(advance)
+    }
+
+    /// Goes along the rates to just behind a jump of the equations nearby, after steps have become too short: those whose rates change by more than their
+    /// tolerances over the shortest step, and jumps of algebraic unknowns, are crossed by no step. Returns whether there is such a jump; the integration has
+    /// stopped at it.
+    fn passes_jump(&mut self, t_end: f64) -> Result<bool, SolveError> {
+        let (time, fine) = (self.time(), self.span(FINE));
+        let watch = self.watched().0;
+        if !watch.has_switches() || watch.ties >= MOST_TIES {
+            return Ok(false);
+        }
+        watch.ties += 1;
+        self.evaluate_roots(time)?;
+        self.derive()?;
+        let (mut low, mut high) = (0.0, fine);
+        while !self.jumps_within(high)? {
+            (low, high) = (high, high * FURTHER);
+            if high > self.span(NEARBY) {
+                return Ok(false);
+            }
+        }
+        while high - low > fine {
+            let middle = 0.5 * (low + high);
+            if self.jumps_within(middle)? {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        let to = (time + high).min(t_end);
+        self.go_along(to - time);
+        self.stop_at(to);
+        self.evaluate_roots(to)?;
+        let ahead = self.span(AHEAD);
+        self.derive()?;
+        self.evaluate_along(ahead, true)?;
+        let reach = self.span(AT_ONCE) / ahead;
+        let (watch, events) = self.watched();
+        watch.forget_noise();
+        watch.arrive(reach, events);
+        Ok(true)
+    }
+
+    /// Returns whether the equations jump within a time from now, along the present rates.
+    fn jumps_within(&mut self, ahead: f64) -> Result<bool, SolveError> {
+        self.evaluate_along(ahead, true)?;
+        Ok(self.watched().0.jumps_ahead())
     }
 
     /// Returns whether the equations hold the solution at a kink nearby, after steps have become too short.

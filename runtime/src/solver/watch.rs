@@ -38,6 +38,17 @@ const DOUBT: f64 = 0.5;
 /// A kink is far from its threshold that is further than this many times what its values bow over a step.
 const BOW: f64 = 4.0;
 
+/// Reason to look for the instant of a kink that changed its sign over a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Closely {
+    /// None: the error test has seen it.
+    No,
+    /// The step is short: the equations may hold the solution there.
+    Ties,
+    /// The estimate of the error vanishes for some places of a kink, and may do so here.
+    Doubt,
+}
+
 /// What bounds over a step leave open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Open {
@@ -274,13 +285,12 @@ impl Watch {
         (self.since, self.passed, self.stale) = (time, false, true);
     }
 
-    /// What the bounds over the whole step that ends at the present values leave open of it. In a `short` step a kink is looked at in any case: the solution may
-    /// be held there.
-    pub(super) fn what_is_open(&self, short: bool) -> Open {
+    /// What the bounds over the whole step that ends at the present values leave open of it.
+    pub(super) fn what_is_open(&self, closely: Closely) -> Open {
         let mut open = Open::Nothing;
         for i in 0..self.edges.len() {
             if self.is_kink_that_changed(i) {
-                if short || self.interferes(i) {
+                if closely != Closely::No || self.interferes(i) {
                     return Open::Everything;
                 }
                 continue;
@@ -309,15 +319,15 @@ impl Watch {
     }
 
     /// Begins a search inside of the step that ends at the present values, where the bounds are those within the tolerances of its unknowns.
-    pub(super) fn begin_search(&mut self, short: bool) {
+    pub(super) fn begin_search(&mut self, closely: Closely) {
         let n = self.edges.len();
         for i in 0..n {
             let width = 0.5 * (self.bounds[n + i] - self.bounds[i]);
             self.tolerances[i] = if width.is_finite() { width } else { 0.0 };
         }
         for i in (0..n).filter(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. })) {
-            self.unseen[i] = if self.is_kink_that_changed(i) { self.interferes(i) } else { self.may_hide(i) };
-            self.tied[i] = short && self.is_kink_that_changed(i) && self.values[i].abs() <= TIE * self.tolerances[i];
+            self.unseen[i] = if self.is_kink_that_changed(i) { closely == Closely::Doubt || self.interferes(i) } else { self.may_hide(i) };
+            self.tied[i] = closely == Closely::Ties && self.is_kink_that_changed(i) && self.values[i].abs() <= TIE * self.tolerances[i];
         }
     }
 
@@ -526,6 +536,14 @@ impl Watch {
             self.at_switch &= !(kind.role == RootRole::Event && (stops || *fired != 0));
         }
         self.before.fill(0.0);
+    }
+
+    /// Whether the values ahead are behind a jump that the present ones are before.
+    pub(super) fn jumps_ahead(&self) -> bool {
+        (0..self.edges.len()).any(|i| {
+            let (edge, ahead, band) = (self.edges[i], self.ahead[i], self.edges[i].band.max(0.0));
+            self.kinds[i].role == RootRole::Jump && if edge.holds { ahead < -band } else { ahead > band }
+        })
     }
 
     /// Whether the integration stopped for a jump, among what fired.

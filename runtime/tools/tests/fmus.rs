@@ -54,7 +54,7 @@ fn the_same_model_gives_the_same_bytes_and_another_one_another_token() {
 
 #[test]
 fn the_sources_compile_without_a_warning() {
-    let problem = models().join("../../tests/problems/robertson_dae.eq");
+    let problem = models().join("../tests/problems/robertson_dae.eq");
     for path in [models().join("reactor.eq"), models().join("pensim.eq"), problem] {
         let folder = tempfile::tempdir().expect("a folder");
         let mut sources = vec![];

@@ -6,7 +6,7 @@ use super::super::callbacks::Trouble;
 use super::super::forcing::Course;
 use super::super::inside::{Inside, looks_into, stays};
 use super::super::traverse::{MOST_TIES, SHORT as SHORT_STEP, Traverse};
-use super::super::watch::{Open, Watch};
+use super::super::watch::{Closely, Open, Watch};
 use super::super::{Advance, FirstStep, Method, SolveError, System};
 use super::algebra::Failure;
 use super::control::{Control, first_step};
@@ -172,6 +172,7 @@ impl Run<'_> {
         frame.h = left;
         let error = self.one.methods.leap(frame, self.system);
         let fits = error <= 1.0 && is_finite(&frame.end_rates);
+        frame.error = error;
         frame.functions.counts.error_test_failures += u64::from(!fits);
         fits
     }
@@ -185,7 +186,7 @@ impl Run<'_> {
             self.one.frame.evaluate_end(self.system);
             let closed = if is_finite(&self.one.frame.end_rates) { self.close(step >= left) } else { f64::NAN };
             if closed <= 1.0 {
-                self.one.frame.doubtful = false;
+                (self.one.frame.doubtful, self.one.frame.error) = (false, error.max(closed));
                 self.one.control.accept(step, error.max(closed), growth);
                 return true;
             }
@@ -338,12 +339,14 @@ impl Run<'_> {
         self.looks_closely(to)
     }
 
-    /// Whether the step that ends here is so short that a kink may hold the solution.
-    fn is_short(&self, to: f64) -> bool {
-        let from = self.one.frame.t;
-        to - from <= SHORT_STEP * self.one.longest_interval
-            && from >= self.one.events.watch.loose_until
-            && self.one.events.watch.ties < MOST_TIES
+    /// The reason to look for kinks that changed their sign in the step that ends here.
+    fn closely(&self, to: f64) -> Closely {
+        let (one, from) = (&self.one, self.one.frame.t);
+        if to - from > SHORT_STEP * one.longest_interval {
+            return if one.methods.may_miss_kinks(&one.frame) { Closely::Doubt } else { Closely::No };
+        }
+        let may_tie = from >= one.events.watch.loose_until && one.events.watch.ties < MOST_TIES;
+        if may_tie { Closely::Ties } else { Closely::No }
     }
 
     /// The same where the step leaves what is known to be safe.
@@ -364,7 +367,7 @@ impl Run<'_> {
 
     /// The same by the bounds over the step itself.
     fn looks_closely(&mut self, to: f64) -> Result<bool, SolveError> {
-        let short = self.is_short(to);
+        let closely = self.closely(to);
         let OneStep { frame, events, derivative, methods, .. } = &mut *self.one;
         let Events { watch, bounded, fours, enclosure, .. } = events;
         let (n, from) = (frame.n, frame.t);
@@ -375,16 +378,16 @@ impl Run<'_> {
         }
         methods.enclose(frame, fours, enclosure.least.as_chunks_mut().0, enclosure.most.as_chunks_mut().0);
         self.system.root_bounds((from, to), &enclosure.least[..n], &enclosure.most[..n], &mut watch.bounds);
-        let open = watch.what_is_open(short);
+        let open = watch.what_is_open(closely);
         if open == Open::Nothing && !watch.has_unbounded() {
             return Ok(watch.accept(to));
         }
-        self.search(to, (open, short))
+        self.search(to, (open, closely))
     }
 
     /// Looks for what happens inside of the step that ends here.
     #[cold]
-    fn search(&mut self, to: f64, open: (Open, bool)) -> Result<bool, SolveError> {
+    fn search(&mut self, to: f64, open: (Open, Closely)) -> Result<bool, SolveError> {
         let OneStep { frame, events: Events { watch, unknowns, enclosure, .. }, methods, .. } = &mut *self.one;
         let (n, from) = (frame.n, frame.t);
         let end = entries(&frame.end, n);

@@ -98,9 +98,15 @@ impl Explicit {
             return frame.h * ((DOUBT * DOUBT * fifth).max(0.01 * third) / frame.n as f64).sqrt();
         }
         if frame.careful {
-            return frame.h * (fifth.max(CHANCE * CHANCE * third) / frame.n as f64).sqrt();
+            return self.careful_error(frame);
         }
         frame.h * fifth / ((fifth + 0.01 * third) * frame.n as f64).sqrt()
+    }
+
+    /// The error of the last step where one of the two estimates may be small by chance.
+    pub(crate) fn careful_error(&self, frame: &Frame) -> f64 {
+        let [fifth, third] = self.squares;
+        frame.h * (fifth.max(CHANCE * CHANCE * third) / frame.n as f64).sqrt()
     }
 
     /// The error of the last step, unknown by unknown.

@@ -15,6 +15,8 @@ pub(super) struct Frame {
     pub careful: bool,
     /// And an attempt was so far off that something in this step is not smooth.
     pub doubtful: bool,
+    /// Error of the last accepted step, in tolerances.
+    pub error: f64,
     /// Time and length of the step.
     pub t: f64,
     pub h: f64,
@@ -60,6 +62,7 @@ impl Frame {
             n,
             timed: system.depends_on_time(),
             careful: false,
+            error: 0.0,
             doubtful: false,
             t: 0.0,
             h: 0.0,

@@ -21,6 +21,9 @@ const LOOSE: f64 = 1.0;
 const WITHDRAWAL: f64 = 0.5;
 const ADVANCE: f64 = 1.1;
 
+/// Error in tolerances above which a kink may have caused a larger one.
+const CHANCE: f64 = 0.03;
+
 /// Lengths that differ by rounding of time are equal.
 const ROUNDED: f64 = 1.0 + 1e-6;
 
@@ -140,6 +143,14 @@ impl Methods {
             (Some(rosenbrock), _) if self.stiff => rosenbrock.attempt(frame, system),
             (_, Some(explicit)) => explicit.attempt(frame, system),
             _ => f64::NAN,
+        }
+    }
+
+    /// Returns whether the error of the last step may be small by chance where the step passed a kink.
+    pub(crate) fn may_miss_kinks(&self, frame: &Frame) -> bool {
+        match &self.explicit {
+            Some(explicit) if self.by == By::Explicit => explicit.careful_error(frame) > 1.0,
+            _ => frame.error > CHANCE,
         }
     }
 
