@@ -139,7 +139,7 @@ pub enum Role {
     Random,
 }
 
-/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s "text"`
+/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative "text"`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Declaration {
     /// Name as written.
@@ -160,6 +160,8 @@ pub struct Declaration {
     pub bounds: Option<(Expr, Expr)>,
     /// `scale s`: typical magnitude, for tolerances.
     pub scale: Option<Expr>,
+    /// `nonnegative`: a state that never falls below zero.
+    pub nonnegative: Option<Span>,
     /// Describing text.
     pub text: Option<String>,
     /// The whole declaration.

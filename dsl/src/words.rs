@@ -61,8 +61,27 @@ const RESERVED: &[&str] = &["if", "then", "else", "and", "or", "not", "for", "in
 
 /// Words that may follow a name inside a statement, so that a keyword before them is an ordinary name.
 pub(crate) const CLAUSES: &[&str] = &[
-    "if", "then", "else", "and", "or", "for", "in", "as", "every", "delay", "noise", "scale", "clip", "named", "default", "when", "rate",
-    "until", "over", "cells",
+    "if",
+    "then",
+    "else",
+    "and",
+    "or",
+    "for",
+    "in",
+    "as",
+    "every",
+    "delay",
+    "noise",
+    "scale",
+    "clip",
+    "named",
+    "nonnegative",
+    "default",
+    "when",
+    "rate",
+    "until",
+    "over",
+    "cells",
 ];
 
 /// Whether the word cannot be a name.

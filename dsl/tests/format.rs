@@ -72,7 +72,7 @@ fn entries_on_several_lines_stand_below_each_other() {
 /// Found by fuzzing: what follows a keyword begins an expression, so that a sign is one with or without blanks.
 #[test]
 fn names_may_be_words_of_clauses() {
-    for name in ["scale", "named", "every", "clip", "default", "noise"] {
+    for name in ["scale", "named", "every", "clip", "default", "noise", "nonnegative"] {
         check(&format!(
             "param  A : m^2 = 0.5   \"area\"\naction {name} : m^3/min = 0.1 in 0..0.3   \"inflow\"\nstate h : m = {name}*2 in 0..2 scale {name}\nparam b = 1, {name}_2 = 2\n"
         ));
@@ -83,6 +83,16 @@ fn names_may_be_words_of_clauses() {
     assert_eq!(
         format(text).expect("a layout"),
         "param scale   : m = 1      in 0..2\nparam scale_2 : m = scale  in 0..2\nstate x = 2 * scale in 0..1 scale 3\n"
+    );
+}
+
+#[test]
+fn nonnegative_states_have_a_column_after_bounds_and_scale() {
+    let text = "state y nonnegative\nstate ab : mol = 1 in 0..2 scale 3 nonnegative \"amount\"\nstate c[i in 1..2] : mol = 1 in 0..2 nonnegative\n";
+    check(text);
+    assert_eq!(
+        format(text).expect("a layout"),
+        "state y                         nonnegative\nstate ab            : mol = 1  in 0..2  scale 3  nonnegative    \"amount\"\nstate c[i in 1..2]  : mol = 1  in 0..2  nonnegative\n"
     );
 }
 

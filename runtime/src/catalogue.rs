@@ -30,6 +30,8 @@ pub struct Element {
     pub scale: f64,
     /// The default shapes the model: another value needs another compilation.
     pub structural: bool,
+    /// A state that never falls below zero.
+    pub nonnegative: bool,
 }
 
 impl Element {
@@ -292,6 +294,7 @@ fn family(quantities: &[Quantity], place: impl Fn(&Quantity, usize, usize) -> us
                 default: pick(&quantity.default),
                 scale: pick(&quantity.scale),
                 structural: quantity.structural,
+                nonnegative: quantity.nonnegative,
             });
         }
     }

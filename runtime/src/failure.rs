@@ -119,6 +119,10 @@ pub enum Cause {
     Inconsistent,
     /// A function of the model panicked (a fault of the compiler).
     Panicked,
+    /// At a restart within the episode, no solution inside of the declared bounds.
+    Outside,
+    /// A nonnegative state would become negative.
+    Negative,
     /// Anything else; the solver's return code.
     Other(i32),
     /// Somebody wanted the integration to stop.
@@ -234,6 +238,8 @@ pub(crate) fn describe_solver(
             }
         }
         Cause::Singular => subject("met a singular iteration matrix"),
+        Cause::Outside => subject("has no solution inside of the declared bounds that the search finds"),
+        Cause::Negative => subject("would become negative, and is declared `nonnegative`"),
         Cause::Inconsistent => subject("could not be solved (no consistent algebraic variables)"),
         Cause::Panicked => subject("was ended by a panic inside a model function"),
         Cause::Interrupted => subject("was interrupted"),

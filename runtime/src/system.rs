@@ -8,8 +8,12 @@ use smpl_compiler::ir::{Expr, ExprId, Flavour};
 use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Element};
+use crate::solver::nonnegative::seen;
 use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System};
+
+/// Part of its scale at which a nonnegative state is nearly zero.
+const NEARLY: f64 = 1e-9;
 
 /// What the solver asks for again and again; shared by all instances of a model.
 #[derive(Debug)]
@@ -23,6 +27,9 @@ struct Shape {
     reads_other_instants: bool,
     /// Of algebraic unknowns.
     bounds: Option<Bounds>,
+    nonnegative: Box<[u32]>,
+    /// Least values of these at which derivatives are taken.
+    nearly_zero: Box<[f64]>,
 }
 
 /// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
@@ -33,6 +40,8 @@ pub struct CompiledSystem {
     memory: Memory,
     /// Values and rates of the invariants, where the rates are integrated too.
     invariants: Vec<f64>,
+    /// Unknowns with nonnegative states at zero or above; upper bounds of them. Empty where there are no such states.
+    seen: [Vec<f64>; 2],
 }
 
 impl CompiledSystem {
@@ -42,6 +51,10 @@ impl CompiledSystem {
     /// When the model's Jacobian has no proper pattern (a fault of the compiler or a damaged artefact).
     pub fn new(model: Arc<CompiledModel>) -> Result<Self, PatternError> {
         let pattern = model.pattern();
+        let catalogue = Catalogue::new(&model);
+        let mut nonnegative: Vec<&Element> = catalogue.states.elements().iter().filter(|e| e.nonnegative).collect();
+        nonnegative.sort_by_key(|e| e.at);
+        let space = if nonnegative.is_empty() { 0 } else { model.unknowns() };
         let shape = Shape {
             pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
             differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
@@ -50,10 +63,12 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
             quadratures_use_derivatives: model.quadratures_use_derivatives(),
             reads_other_instants: reads_other_instants(&model),
-            bounds: bounds(&model),
+            bounds: bounds(&model, &catalogue),
+            nonnegative: nonnegative.iter().map(|e| e.at as u32).collect(),
+            nearly_zero: nonnegative.iter().map(|e| NEARLY * e.scale).collect(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new() })
+        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new(), seen: [vec![0.0; space], vec![0.0; space]] })
     }
 
     /// The model.
@@ -129,12 +144,25 @@ impl CompiledSystem {
     }
 }
 
+/// Unknowns with nonnegative states no nearer to zero than a small part of their scale.
+fn raised<'a>(shape: &Shape, y: &'a [f64], space: &'a mut [f64]) -> &'a [f64] {
+    let states = || shape.nonnegative.iter().zip(&shape.nearly_zero).map(|(&at, &least)| (at as usize, least));
+    if states().all(|(at, least)| y[at] >= least) {
+        return y;
+    }
+    space.copy_from_slice(y);
+    for (at, least) in states() {
+        space[at] = if space[at] < least { least } else { space[at] };
+    }
+    space
+}
+
 /// The bounds of the algebraic unknowns, if there are any.
-fn bounds(model: &CompiledModel) -> Option<Bounds> {
+fn bounds(model: &CompiledModel, catalogue: &Catalogue) -> Option<Bounds> {
     if model.unknowns() == model.states() {
         return None;
     }
-    let bounds = Bounds::new(Catalogue::new(model).solved.elements().iter(), model.unknowns());
+    let bounds = Bounds::new(catalogue.solved.elements().iter(), model.unknowns());
     bounds.bind().then_some(bounds)
 }
 
@@ -181,15 +209,22 @@ impl System for CompiledSystem {
         self.shape.bounds.as_ref()
     }
 
+    fn nonnegative(&self) -> &[u32] {
+        &self.shape.nonnegative
+    }
+
     fn pattern(&self) -> &Pattern {
         &self.shape.pattern
     }
 
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
         self.model.residual(&mut self.memory, t, y, yp, out);
     }
 
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
+        // A root has no finite slope at zero.
+        let y = raised(&self.shape, y, &mut self.seen[0]);
         self.model.jacobian(&mut self.memory, t, y, yp, cj, values);
     }
 
@@ -202,6 +237,7 @@ impl System for CompiledSystem {
     }
 
     fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
+        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
         self.model.by_time(&mut self.memory, t, y, yp, out)
     }
 
@@ -210,6 +246,7 @@ impl System for CompiledSystem {
     }
 
     fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
         self.model.forcings(&mut self.memory, t, y, yp, out);
     }
 
@@ -226,6 +263,7 @@ impl System for CompiledSystem {
     }
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
         self.model.roots(&mut self.memory, t, y, yp, out);
     }
 
@@ -234,7 +272,8 @@ impl System for CompiledSystem {
     }
 
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
-        self.model.bounds(&mut self.memory, span, (least, most), out);
+        let ([low, high], states) = (&mut self.seen, &self.shape.nonnegative);
+        self.model.bounds(&mut self.memory, span, (seen(states, least, low), seen(states, most, high)), out);
         true
     }
 
@@ -247,6 +286,7 @@ impl System for CompiledSystem {
     }
 
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
         let (own, rates) = out.split_at_mut(self.shape.quadratures);
         self.model.quadrature_rates(&mut self.memory, t, y, yp, own);
         if !rates.is_empty() {

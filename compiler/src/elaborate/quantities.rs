@@ -66,11 +66,35 @@ fn quantity(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Quantity {
         scale,
         affine_unit: units::is_point(&unit),
         structural: false,
+        nonnegative: declaration.nonnegative.is_some(),
     };
     if role == Role::Param {
         check_range(l, symbol, &quantity);
     }
+    if role == Role::State {
+        check_nonnegative(l.ledger, declaration, &quantity);
+    }
     quantity
+}
+
+/// Reports a nonnegative state that cannot be one: of a unit with an offset, with an upper bound or a start below zero.
+fn check_nonnegative(ledger: &mut Ledger, d: &Declaration, quantity: &Quantity) {
+    let Some(word) = d.nonnegative else { return };
+    let name = &d.name.text;
+    let negative = |numbers: &[f64]| numbers.iter().copied().find(|x| *x < 0.0);
+    let (message, span, help) = if quantity.affine_unit {
+        let message = format!("`{name}` is in {}, where zero is not the least value", quantity.unit);
+        (message, word, "declare the state in K, or remove `nonnegative`")
+    } else if let Some(high) = negative(&quantity.high) {
+        let span = d.bounds.as_ref().map_or(word, |(_, high)| high.span);
+        (format!("`{name}` is `nonnegative`, and its upper bound is {high}"), span, "raise the upper bound above zero")
+    } else if let Some(start) = negative(&quantity.default) {
+        let span = d.value.as_ref().map_or(word, |value| value.span);
+        (format!("`{name}` is `nonnegative` and starts at {start}"), span, "start at zero or above, or remove `nonnegative`")
+    } else {
+        return;
+    };
+    ledger.report(Diagnostic::error(codes::NOT_NONNEGATIVE, message, span).help(help));
 }
 
 /// A variable whose declaration is read.
@@ -211,5 +235,6 @@ fn empty_quantity() -> Quantity {
         scale: Vec::new(),
         affine_unit: false,
         structural: false,
+        nonnegative: false,
     }
 }

@@ -13,7 +13,7 @@ pub struct Element {
     pub unit: String,
     /// Describing text of its quantity.
     pub text: String,
-    /// Lower bound; -inf where none.
+    /// Lower bound, at least zero for nonnegative states; -inf where none.
     pub low: f64,
     /// Upper bound; inf where none.
     pub high: f64,
@@ -121,7 +121,7 @@ fn flatten(quantities: &[Quantity], nominal: &Nominal<'_>) -> Vec<Element> {
                 name: quantity.element_name(i),
                 unit: quantity.unit.clone(),
                 text: quantity.text.clone(),
-                low: pick(&quantity.low),
+                low: quantity.least(i),
                 high: pick(&quantity.high),
                 scale: pick(&quantity.scale),
                 nominal: place.map_or(pick(&quantity.default), |(var, i)| nominal.value(var, Flavour::Value, i)),

@@ -96,7 +96,8 @@ fn quantities(at: &At<'_>, vars: &Vars) -> Result<Quantities, ReadError> {
 }
 
 fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
-    at.only(&["name", "pattern", "axes", "unit", "affine_unit", "text", "variable", "low", "high", "default", "scale", "structural"])?;
+    let fields = ["pattern", "axes", "unit", "affine_unit", "text", "variable", "low", "high", "default", "scale", "structural"];
+    at.only(&[&["name", "nonnegative"], &fields[..]].concat())?;
     let axes = at.field("axes")?.list(axis)?;
     let len = axes.iter().map(Axis::len).try_fold(1_usize, usize::checked_mul).filter(|&n| n <= MAX_ELEMENTS);
     let len = len.ok_or_else(|| at.fault("too many elements"))?;
@@ -124,6 +125,7 @@ fn quantity(at: &At<'_>, vars: &Vars) -> Result<Quantity, ReadError> {
         scale: numbers("scale", f64::NAN)?,
         affine_unit: at.field("affine_unit")?.flag()?,
         structural: at.field("structural")?.flag()?,
+        nonnegative: at.maybe("nonnegative")?.map_or(Ok(false), |x| x.flag())?,
     })
 }
 

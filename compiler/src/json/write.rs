@@ -120,12 +120,16 @@ fn quantity(q: &Quantity) -> Value {
         Axis::Cells { grid, count } => json!({"grid": grid, "count": count}),
     };
     let numbers = |list: &[f64], none: f64| list.iter().map(|&x| if same(x, none) { Value::Null } else { number(x) }).collect::<Vec<_>>();
-    json!({
+    let mut object = json!({
         "name": q.name, "pattern": q.pattern, "axes": q.axes.iter().map(axis).collect::<Vec<_>>(),
         "unit": q.unit, "affine_unit": q.affine_unit, "text": q.text, "variable": q.var.map(|var| var.index()),
         "low": numbers(&q.low, f64::NEG_INFINITY), "high": numbers(&q.high, f64::INFINITY), "default": numbers(&q.default, f64::NAN),
         "scale": numbers(&q.scale, f64::NAN), "structural": q.structural,
-    })
+    });
+    if q.nonnegative {
+        object["nonnegative"] = Value::Bool(true);
+    }
+    object
 }
 
 fn same(x: f64, y: f64) -> bool {

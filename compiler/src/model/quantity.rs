@@ -31,6 +31,8 @@ pub struct Quantity {
     pub affine_unit: bool,
     /// Sizes or indices were computed from it (a parameter) when the model was compiled: it has that value.
     pub structural: bool,
+    /// A state that never falls below zero.
+    pub nonnegative: bool,
 }
 
 /// One index of an array.
@@ -104,6 +106,13 @@ impl Quantity {
         let size = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
         let slack = 1e-12 * size(low).max(size(high));
         x >= low - slack && x <= high + slack
+    }
+
+    /// Least value of an element: its lower bound, at least zero for nonnegative states.
+    #[must_use]
+    pub fn least(&self, element: usize) -> f64 {
+        let low = Self::pick(&self.low, element);
+        if self.nonnegative { low.max(0.0) } else { low }
     }
 
     /// One of `low`, `high`, `default`, `scale` at an element.

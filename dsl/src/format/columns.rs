@@ -179,9 +179,9 @@ pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: u
     Line { key, cells, lines: Vec::new(), comment: None }
 }
 
-/// Columns of one declaration: name, unit, value, sample, bounds, scale, text.
-const SLOTS: usize = 7;
-const TEXT: usize = 6;
+/// Columns of one declaration: name, unit, value, sample, bounds, scale, nonnegative, text.
+const SLOTS: usize = 8;
+const TEXT: usize = 7;
 
 /// Splits the tokens of a statement where a column begins.
 fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
@@ -209,7 +209,7 @@ fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
             _ if clause == Some(index) => Some(TEXT),
             // A name may be the word of a clause.
             _ if index == 1 && is_declaration(keyword) => None,
-            _ => column(keyword, token, colons).filter(|column| !matches!(column, 4 | 5) || ends_operand(&tokens[index - 1])),
+            _ => column(keyword, token, colons).filter(|column| !matches!(column, 4..TEXT) || ends_operand(&tokens[index - 1])),
         };
         let Some(column) = column.filter(|column| declaration + column > slot) else { continue };
         cells.push(cell(slot, &tokens[start..index]));
@@ -224,7 +224,7 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
     let gaps = match slot % SLOTS {
         0 if slot > 0 => (1, 2),
         0 => (0, 0),
-        4 | 5 => (1, 2),
+        4..TEXT => (1, 2),
         TEXT => (GAP, GAP),
         _ => (1, 1),
     };
@@ -263,6 +263,7 @@ fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
             "~" => Some(3),
             "in" => Some(4),
             "scale" => Some(5),
+            "nonnegative" => Some(6),
             _ => None,
         },
         "eq" | "initial" | "next" | "reset" | "reward" | "invariant" | "choice" if matches!(text, "=" | "~") => Some(2),

@@ -6,7 +6,7 @@ use super::{Children, Context, Fallible, Rule, expression, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Binder, Clip, Declaration, Expr, Ident};
 
-/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s "text"`
+/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s nonnegative "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);
@@ -24,6 +24,7 @@ pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallib
         clip: clip(context, &mut children)?,
         bounds: bounds(context, &mut children)?,
         scale: clause(context, &mut children, Rule::scale)?,
+        nonnegative: children.take(Rule::kw_nonnegative).map(|word| context.span(&word)),
         text: children.text(),
         span,
     })

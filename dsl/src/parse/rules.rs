@@ -48,6 +48,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::kw_every | Rule::every => "`every`",
         Rule::kw_delay | Rule::delay => "`delay`",
         Rule::kw_noise | Rule::noise => "`noise`",
+        Rule::kw_nonnegative => "`nonnegative`",
         Rule::kw_named | Rule::named => "`named`",
         Rule::time_kind => "a word such as `until`",
         Rule::indices => "an index list",

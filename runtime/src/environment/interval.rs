@@ -310,6 +310,8 @@ pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
         SolveError::InitialConditions { time, unknown, .. } | SolveError::ImplicitInitialConditions { time, unknown, .. } => {
             (*time, Cause::Inconsistent, *unknown)
         }
+        SolveError::Outside { time, unknown } => (*time, Cause::Outside, *unknown),
+        SolveError::Negative { time, unknown } => (*time, Cause::Negative, Some(*unknown)),
         SolveError::Interrupted { time } => (*time, Cause::Interrupted, None),
         SolveError::Panicked { time } => (*time, Cause::Panicked, None),
         SolveError::Other { time, flag } => (*time, Cause::Other(flag.value), None),

@@ -11,6 +11,7 @@ use smpl_compiler::layout::Memory;
 
 use super::tangents::Tangents;
 use crate::solver::linear::columns::{Columns, each_piece, with_fma};
+use crate::solver::nonnegative::seen;
 use crate::solver::{Following, Pattern, RootKind, System};
 use crate::system::CompiledSystem;
 
@@ -32,6 +33,8 @@ pub(crate) struct Augmented {
     part: Vec<f64>,
     inputs: Option<Inputs>,
     integrals: Option<Integrals>,
+    /// Unknowns with nonnegative states at zero or above.
+    seen: Vec<f64>,
 }
 
 /// What inputs that move add to the equations.
@@ -143,6 +146,7 @@ impl Augmented {
             part: if system.is_explicit() { Vec::new() } else { vec![0.0; system.dimension() * width] },
             inputs: None,
             integrals: None,
+            seen: if system.nonnegative().is_empty() { Vec::new() } else { vec![0.0; system.dimension()] },
             system: system.clone(),
         }
     }
@@ -218,6 +222,7 @@ impl Augmented {
 
     /// Adds `sign` times what inputs that move give.
     fn add_inputs(&mut self, t: f64, (y, yp): (&[f64], &[f64]), sign: f64, out: &mut [f64]) {
+        let y = seen(self.system.nonnegative(), y, &mut self.seen);
         let Some(Inputs { compiled, memory, values, terms }) = &mut self.inputs else { return };
         compiled.evaluate(self.system.model(), memory, t, (y, yp), values);
         for &(row, value, direction, factor) in &*terms {
@@ -329,6 +334,10 @@ impl System for Augmented {
 
     fn is_explicit(&self) -> bool {
         self.system.is_explicit()
+    }
+
+    fn nonnegative(&self) -> &[u32] {
+        self.system.nonnegative()
     }
 
     fn pattern(&self) -> &Pattern {
@@ -457,7 +466,10 @@ impl System for Augmented {
 
     fn following_integrands(&mut self, t: f64, y: (&[f64], &[f64]), s: (&[f64], &[f64]), out: &mut [f64]) {
         match &mut self.integrals {
-            Some(integrals) => integrals.write(&self.system, t, y, s, self.width, out),
+            Some(integrals) => {
+                let y = (seen(self.system.nonnegative(), y.0, &mut self.seen), y.1);
+                integrals.write(&self.system, t, y, s, self.width, out);
+            }
             None => out.fill(0.0),
         }
     }

@@ -17,6 +17,7 @@ use super::kernels::Block;
 use super::linear::Factorisation;
 use super::linear::columns::all_finite;
 use super::newton::Newton;
+use super::nonnegative::Nonnegative;
 use super::sundials::Inquiry;
 use super::vector::{self, Content, Handle, Operations, Shared, Vector};
 use super::watch::{Closely, Open, Watch};
@@ -49,6 +50,8 @@ pub(crate) enum Trouble {
     Singular { time: f64, column: Option<usize> },
     /// The steps came down to the roundoff of time.
     TinySteps { step: f64 },
+    /// This nonnegative state would become negative.
+    Negative { time: f64, state: usize },
     /// A function of the system panicked.
     Panic,
     /// Somebody wants the computation to stop.
@@ -103,6 +106,7 @@ pub(crate) struct Bridge {
     pub values: Box<[f64]>,
     pub factorisation: Factorisation,
     pub newton: Newton,
+    pub nonnegative: Nonnegative,
     pub watch: Watch,
     /// Derivatives at the accepted state, where root functions look at them.
     pub derivative: Option<Vector>,
@@ -121,6 +125,7 @@ impl Bridge {
         entries: usize,
         factorisation: Factorisation,
         newton: Newton,
+        nonnegative: Nonnegative,
         watch: Watch,
     ) -> Self {
         Self {
@@ -132,6 +137,7 @@ impl Bridge {
             values: vec![0.0; entries].into_boxed_slice(),
             factorisation,
             newton,
+            nonnegative,
             watch,
             derivative: None,
             history: None,
@@ -442,6 +448,11 @@ impl Bridge {
         self.operations.error_weights(self.tolerances.rtol, y, &self.tolerances.atol, weights);
     }
 
+    /// Notes that a nonnegative state would become negative.
+    pub(super) fn note_negative(&mut self, time: f64, state: usize) {
+        self.note(Trouble::Negative { time, state });
+    }
+
     /// Notes a panic, which is not to leave a callback.
     pub(crate) fn panicked(&mut self) -> c_int {
         self.note(Trouble::Panic);
@@ -469,8 +480,13 @@ impl Bridge {
         if step > 0.0 {
             self.steps.last = step;
             self.steps.since_trouble += 1;
-            if self.steps.since_trouble > MEMORY {
+            // A step that was cut short of zero has led further.
+            if self.steps.since_trouble > MEMORY || matches!(self.trouble, Some(Trouble::Negative { .. })) {
                 self.trouble = None;
+            }
+            if let Err(state) = self.nonnegative.accept() {
+                self.note_negative(time, state);
+                return Err(FATAL);
             }
         }
         let tiny = step > 0.0 && step <= 4.0 * f64::EPSILON * time.abs();
@@ -526,7 +542,8 @@ mod tests {
         let operations = Operations::detect();
         let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");
         let newton = Newton::new(2, operations, &Context::new().expect("a context"));
-        Bridge::new(operations, Tolerances::new(1e-6, &[1e-6, 1e-6]), 0, factorisation, newton, Watch::new(0, &[]))
+        let tolerances = Tolerances::new(1e-6, &[1e-6, 1e-6]);
+        Bridge::new(operations, tolerances, 0, factorisation, newton, Nonnegative::default(), Watch::new(0, &[]))
     }
 
     #[test]

@@ -118,6 +118,22 @@ pub enum SolveError {
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
     },
+    /// At a restart the solution jumps out of the declared bounds, and none was found inside.
+    #[error("no algebraic solution inside of the declared bounds at t = {time}")]
+    Outside {
+        /// Time of the restart.
+        time: f64,
+        /// The unknown that is furthest outside.
+        unknown: Option<usize>,
+    },
+    /// A nonnegative state is negative, or the equations lead it below zero.
+    #[error("unknown {unknown} would become negative at t = {time}")]
+    Negative {
+        /// Last time reached.
+        time: f64,
+        /// The state.
+        unknown: usize,
+    },
     /// A function of the system panicked.
     #[error("a model function panicked at t = {time}")]
     Panicked {

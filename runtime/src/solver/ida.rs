@@ -139,8 +139,7 @@ impl Ida {
             Some(consistent) => consistent
                 .begin(self.memory.bridge_mut(), first, self.time, (&mut self.y, &mut self.yp))
                 .map_err(|cause| self.inconsistent(cause)),
-            None if first => self.search_initial_condition(),
-            None => self.calculate_initial_condition(),
+            None => self.search_initial_condition(first),
         }
     }
 
@@ -150,6 +149,7 @@ impl Ida {
             _ if self.bridge().trouble == Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Inconsistent::Callback => self.fault(),
             Inconsistent::Singular(column) => SolveError::SingularJacobian { time, column },
+            Inconsistent::Outside { unknown } => SolveError::Outside { time, unknown },
             Inconsistent::Diverged { iterations, correction, unknown } => {
                 SolveError::InitialConditions { time, iterations, correction, unknown }
             }
@@ -172,6 +172,7 @@ impl Ida {
             }
             Trouble::Singular { time, column } => SolveError::SingularJacobian { time, column },
             Trouble::TinySteps { step } => SolveError::StepTooSmall { time, step, unknown: self.largest_error() },
+            Trouble::Negative { time, state } => SolveError::Negative { time, unknown: state },
             Trouble::Panic => SolveError::Panicked { time },
             Trouble::Interrupted => SolveError::Interrupted { time },
         })
@@ -241,6 +242,7 @@ impl Ida {
             return Err(self.failure(value));
         }
         self.time = t_end;
+        self.memory.bridge().nonnegative.clip(self.y.entries_mut());
         if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
             self.memory.take_integrals(&mut quadratures.values)?;
         }
@@ -419,6 +421,9 @@ impl Integrator for Ida {
         }
         self.time = t0;
         self.y.entries_mut().copy_from_slice(y);
+        if let Err(unknown) = self.memory.bridge_mut().nonnegative.restart(self.y.entries_mut()) {
+            return Err(SolveError::Negative { time: t0, unknown });
+        }
         match yp {
             Some(yp) => self.yp.entries_mut().copy_from_slice(yp),
             None => self.yp.entries_mut().fill(0.0),

@@ -43,6 +43,7 @@ mod integrator;
 mod kernels;
 pub mod linear;
 mod newton;
+pub(crate) mod nonnegative;
 mod onestep;
 pub mod problems;
 mod quadrature;

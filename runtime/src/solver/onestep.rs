@@ -35,6 +35,7 @@ use self::methods::Methods;
 use self::numbers::{Quads, entries, zeros};
 use super::enclosure::{Enclosure, Safe};
 use super::forcing::Forcing;
+use super::nonnegative::Nonnegative;
 use super::quadrature::BySteps;
 use super::traverse::Traverse;
 use super::watch::Watch;
@@ -64,6 +65,7 @@ pub struct OneStep {
     control: Control,
     algebra: Option<Algebra>,
     forcing: Forcing,
+    nonnegative: Nonnegative,
     events: Events,
     integrals: Option<Integrals>,
     /// Derivatives at the present state.
@@ -151,6 +153,7 @@ impl OneStep {
             control: Control::default(),
             algebra: if algebraic.is_some() { Some(Algebra::new(system, &settings)?) } else { None },
             forcing: Forcing::new(system.forcing_count()),
+            nonnegative: Nonnegative::new(system, &settings),
             events: Events::new(system),
             integrals: (quadratures > 0)
                 .then(|| Integrals { rule: BySteps::new(quadratures, tolerances), values: vec![0.0; quadratures].into() }),
@@ -223,6 +226,9 @@ impl Integrator for OneStep {
         }
         self.time = t0;
         self.frame.y_mut().copy_from_slice(y);
+        if let Err(unknown) = self.nonnegative.restart(self.frame.y_mut()) {
+            return Err(SolveError::Negative { time: t0, unknown });
+        }
         if let Some(Integrals { rule, values }) = &mut self.integrals {
             values.fill(0.0);
             rule.restart(t0);

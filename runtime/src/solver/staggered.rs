@@ -131,6 +131,10 @@ impl System for Leading<'_> {
         self.whole.is_explicit()
     }
 
+    fn nonnegative(&self) -> &[u32] {
+        self.whole.nonnegative()
+    }
+
     fn pattern(&self) -> &Pattern {
         self.whole.pattern()
     }

@@ -26,6 +26,11 @@ pub trait System {
         None
     }
 
+    /// States that are never negative, by their places, rising. The other functions take such a state as zero where it is negative.
+    fn nonnegative(&self) -> &[u32] {
+        &[]
+    }
+
     /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y', of the leading unknowns where there are [`directions`](Self::directions).
     fn pattern(&self) -> &Pattern;
 

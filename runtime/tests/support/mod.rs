@@ -64,6 +64,7 @@ impl Maker {
             scale: vec![if range.is_finite() { range } else { 1.0 }],
             affine_unit: false,
             structural: false,
+            nonnegative: false,
         };
         (var, quantity)
     }
@@ -123,6 +124,7 @@ impl Maker {
             scale: vec![1.0],
             affine_unit: false,
             structural: false,
+            nonnegative: false,
         };
         self.model.interface.quantities.algebraics.push(quantity);
         self.model.programs.outputs.nests.push(out(&[value], at));

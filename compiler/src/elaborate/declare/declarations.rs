@@ -151,6 +151,11 @@ impl<'a> Declaring<'_, 'a> {
         if !d.indices.is_empty() && before.is_some_and(|&s| matches!(self.symbols[s].kind, SymbolKind::Faulty)) {
             return;
         }
+        if let Some(word) = d.nonnegative.filter(|_| role != syntax::Role::State) {
+            let message = format!("`{}` is not a state, and only states can be `nonnegative`", d.name.text);
+            let help = "remove the word; `in 0..high` declares bounds";
+            self.work.ledger.report(Diagnostic::error(codes::NOT_NONNEGATIVE, message, word).help(help));
+        }
         let place = Place::new(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| units::unit(&mut self.lowering(), u, &place));

@@ -105,6 +105,7 @@ pub(super) fn let_quantity(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis]
         scale: vec![1.0],
         affine_unit: unit.is_point(),
         structural: false,
+        nonnegative: false,
     }
 }
 

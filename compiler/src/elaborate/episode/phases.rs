@@ -52,6 +52,7 @@ pub(in crate::elaborate) fn schedule_quantities(l: &Lowering<'_, '_>) -> Vec<Qua
         scale: vec![1.0],
         affine_unit: false,
         structural: false,
+        nonnegative: false,
     };
     let names: Vec<&str> = schedule.phases.iter().map(|p| p.name.text.as_str()).collect();
     vec![

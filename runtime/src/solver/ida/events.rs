@@ -104,6 +104,7 @@ impl Traverse for Ida {
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
         self.memory.interpolate(t, 0, &mut self.y)?;
+        self.memory.bridge().nonnegative.clip(self.y.entries_mut());
         self.memory.interpolate(t, 1, &mut self.yp)?;
         if let Some(quadratures) = self.quadratures.as_mut().filter(|q| q.by_steps.is_none()) {
             self.memory.interpolate_integrals(t, &mut quadratures.values)?;

@@ -5,6 +5,7 @@ use super::super::consistent::Consistent;
 use super::super::forcing::Forcing;
 use super::super::linear::Factorisation;
 use super::super::newton::Newton;
+use super::super::nonnegative::Nonnegative;
 use super::super::quadrature::Integrals;
 use super::super::sundials::{Context, Memory};
 use super::super::vector::{Operations, Vector};
@@ -107,7 +108,8 @@ fn bridge(system: &dyn System, settings: &Settings, operations: Operations, cont
     let newton = Newton::new(n, operations, context);
     let watch = Watch::new(system.root_count(), system.root_kinds());
     let tolerances = Tolerances::new(settings.rtol, &settings.atol);
-    Ok(Bridge::new(operations, tolerances, system.pattern().entries(), factorisation, newton, watch))
+    let nonnegative = Nonnegative::new(system, settings);
+    Ok(Bridge::new(operations, tolerances, system.pattern().entries(), factorisation, newton, nonnegative, watch))
 }
 
 /// The pattern has the system's dimension, and a diagonal where derivatives are explicit.

@@ -119,7 +119,7 @@ impl Solve {
             };
             if outcome == 0 {
                 self.bridge.newton.current = false;
-                return 0;
+                return self.raise();
             }
             let newton = &mut self.bridge.newton;
             newton.failures += 1;
@@ -130,6 +130,25 @@ impl Solve {
             (setup, stale) = (true, true);
             self.sum.entries_mut().fill(0.0);
         }
+    }
+
+    /// Sets nonnegative states that are slightly negative at the end of the step to zero, and asks for a shorter step where one is far below.
+    fn raise(&mut self) -> c_int {
+        let Bridge { nonnegative, .. } = &mut *self.bridge;
+        nonnegative.begin();
+        for number in 0..nonnegative.states().len() {
+            let at = nonnegative.states()[number] as usize;
+            let predicted = self.step.predicted.entries()[at];
+            match nonnegative.raises(number, predicted + self.sum.entries()[at]) {
+                Ok(false) => {}
+                Ok(true) => self.sum.entries_mut()[at] = -predicted,
+                Err(state) => {
+                    self.bridge.note_negative(self.step.time, state);
+                    return SUN_NLS_CONV_RECVR;
+                }
+            }
+        }
+        0
     }
 
     /// The residual of the prediction, and a new Jacobian where `setup` says so, and whether the old one failed.

@@ -5,6 +5,7 @@ use std::os::raw::c_int;
 use super::super::callbacks::Trouble;
 use super::super::forcing::Course;
 use super::super::inside::{Inside, looks_into, stays};
+use super::super::nonnegative::shorter;
 use super::super::traverse::{MOST_TIES, SHORT as SHORT_STEP, Traverse};
 use super::super::watch::{Closely, Open, Watch};
 use super::super::{Advance, FirstStep, Method, SolveError, System};
@@ -84,6 +85,7 @@ impl Run<'_> {
                 SolveError::JacobianNotFinite { time, row, column }
             }
             Some(Trouble::Singular { time, column }) => SolveError::SingularJacobian { time, column },
+            Some(Trouble::Negative { time, state }) => SolveError::Negative { time, unknown: state },
             Some(Trouble::Panic) => SolveError::Panicked { time },
             Some(Trouble::Interrupted) => SolveError::Interrupted { time },
             Some(Trouble::TinySteps { .. }) | None => SolveError::StepTooSmall { time, step, unknown },
@@ -174,7 +176,28 @@ impl Run<'_> {
         let fits = error <= 1.0 && is_finite(&frame.end_rates);
         frame.error = error;
         frame.functions.counts.error_test_failures += u64::from(!fits);
-        fits
+        fits && self.raise().is_ok()
+    }
+
+    /// Sets nonnegative states that are slightly negative at the end of the step to zero.
+    ///
+    /// # Errors
+    /// The place of one that is far below.
+    #[inline]
+    fn raise(&mut self) -> Result<(), usize> {
+        let OneStep { frame, nonnegative, .. } = &mut *self.one;
+        nonnegative.begin();
+        nonnegative.raise(entries_mut(&mut frame.end, frame.n))
+    }
+
+    /// Shortens a step that leads a nonnegative state below zero.
+    #[cold]
+    fn shorten(&mut self, state: usize) {
+        let OneStep { frame, control, .. } = &mut *self.one;
+        let [begin, end] = [&frame.begin, &frame.end].map(|y| entries(y, frame.n)[state]);
+        control.shorten(frame.h * shorter(begin, end));
+        frame.functions.trouble = Some(Trouble::Negative { time: frame.t, state });
+        self.one.since_trouble = 0;
     }
 
     /// Tries a step, of what is left; whether its error is within the tolerance.
@@ -183,6 +206,10 @@ impl Run<'_> {
         let growth = self.one.methods.growth();
         let mut error = self.compute();
         if error <= 1.0 {
+            if let Err(state) = self.raise() {
+                self.shorten(state);
+                return false;
+            }
             self.one.frame.evaluate_end(self.system);
             let closed = if is_finite(&self.one.frame.end_rates) { self.close(step >= left) } else { f64::NAN };
             if closed <= 1.0 {
@@ -252,8 +279,11 @@ impl Run<'_> {
         let one = &mut *self.one;
         one.frame.functions.counts.steps += 1;
         one.since_trouble += 1;
-        if one.since_trouble > MEMORY {
+        if one.since_trouble > MEMORY || matches!(one.frame.functions.trouble, Some(Trouble::Negative { .. })) {
             one.frame.functions.trouble = None;
+        }
+        if let Err(unknown) = one.nonnegative.accept() {
+            return Err(SolveError::Negative { time: one.frame.t, unknown });
         }
         if one.settings.method == Method::Auto {
             one.choose();
@@ -536,8 +566,9 @@ impl Traverse for Run<'_> {
     }
 
     fn interpolate(&mut self, t: f64) -> Result<(), SolveError> {
-        let OneStep { frame, derivative, methods, algebra, inside: [_, rates], .. } = &mut *self.one;
+        let OneStep { frame, derivative, methods, algebra, nonnegative, inside: [_, rates], .. } = &mut *self.one;
         methods.interpolate(t, &mut frame.begin, Some(&mut *derivative));
+        nonnegative.clip(frame.y_mut());
         if let Some(algebra) = algebra {
             // The polynomial meets their equations to the tolerance only. Where there is no solution, it has to do.
             let n = frame.n;

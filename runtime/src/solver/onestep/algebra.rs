@@ -6,6 +6,7 @@ use super::super::callbacks::{Bridge, Tolerances, Trouble};
 use super::super::consistent::{Consistent, End, Inconsistent};
 use super::super::linear::Factorisation;
 use super::super::newton::Newton;
+use super::super::nonnegative::Nonnegative;
 use super::super::sundials::Context;
 use super::super::vector::{Operations, Vector};
 use super::super::watch::Watch;
@@ -42,7 +43,7 @@ impl Algebra {
         let newton = Newton::new(1, operations, context);
         let entries = system.pattern().entries();
         let tolerances = Tolerances::new(settings.rtol, &settings.atol);
-        let bridge = Bridge::new(operations, tolerances, entries, unused, newton, Watch::default());
+        let bridge = Bridge::new(operations, tolerances, entries, unused, newton, Nonnegative::default(), Watch::default());
         Ok(Self {
             consistent: Consistent::new(system, operations, context)?,
             bridge,
@@ -109,6 +110,7 @@ impl Algebra {
             (Some(trouble @ Trouble::Interrupted), _) => Failure::Noted(trouble),
             (trouble, Inconsistent::Callback) => Failure::Noted(trouble.unwrap_or(Trouble::Panic)),
             (_, Inconsistent::Singular(column)) => Failure::Method(SolveError::SingularJacobian { time, column }),
+            (_, Inconsistent::Outside { unknown }) => Failure::Method(SolveError::Outside { time, unknown }),
             (_, Inconsistent::Diverged { iterations, correction, unknown }) => {
                 Failure::Method(SolveError::InitialConditions { time, iterations, correction, unknown })
             }

@@ -105,6 +105,12 @@ impl Control {
         if self.proposed < MOST * step { self.proposed } else { f64::INFINITY }
     }
 
+    /// Notes that a step was rejected for another reason than its error, and a length that may fit.
+    pub(crate) fn shorten(&mut self, step: f64) {
+        self.proposed = step;
+        self.rejected = true;
+    }
+
     /// Notes the error of a step that was rejected; infinite where there is none.
     pub(crate) fn reject(&mut self, step: f64, error: f64, growth: Growth) {
         let root = root32(error);

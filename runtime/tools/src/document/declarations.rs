@@ -54,7 +54,10 @@ impl<'s> Writer<'s> {
                 let clip = d.clip.as_ref().map(|clip| self.clip(clip)).unwrap_or_default();
                 format!("{}{clip}", inline(&d.sample))
             }
-            "range" => d.bounds.as_ref().map(|(low, high)| self.range(low, high)).unwrap_or_default(),
+            "range" => {
+                let bounds = d.bounds.as_ref().map(|(low, high)| self.range(low, high));
+                bounds.into_iter().chain(d.nonnegative.map(|_| "nonnegative".to_owned())).collect::<Vec<_>>().join(", ")
+            }
             "scale" => inline(&d.scale),
             "meaning" => {
                 let pattern = d.pattern.as_ref().map(|pattern| format!("named {}", code(pattern)));
