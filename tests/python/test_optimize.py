@@ -71,6 +71,27 @@ def test_the_residence_time_of_a_series_reaction_is_found(series, name, best):
     assert "not an optimum yet" in str(short)
 
 
+def test_a_search_that_runs_out_of_time_gives_the_best_point_that_keeps_the_limits(series, monkeypatch):
+    # c_A = c_f/(1 + V) at q = 1 and c_B = V c_A/(1 + V/4): the start V = 1 has c_A = 1 and c_B = 0.8.
+    solved = smpl.Model.steady_state
+
+    def slow(model, *arguments, **named):
+        time.sleep(0.15)
+        return solved(model, *arguments, **named)
+
+    monkeypatch.setattr(smpl.Model, "steady_state", slow)
+    found = optimize.steady(series, maximize="c_B", vary=["V"], limits={"c_A": (0.3, 1.5)}, seconds=0.2)
+    assert not found.converged
+    assert found.evaluations <= 2
+    assert "time limit" in str(found)
+    assert 0.3 <= found.limits["c_A"] <= 1.5
+    assert 0.8 <= found.value <= BEST
+    with pytest.raises(smpl.SimulationError, match=r"no steady state that keeps all limits .* time limit"):
+        optimize.steady(series, maximize="c_B", vary=["V"], limits={"c_A": (0.05, 0.1)}, seconds=0.1)
+    with pytest.raises(ValueError, match="seconds"):
+        optimize.steady(series, maximize="c_B", vary=["V"], seconds=0)
+
+
 def test_derivatives_are_exact(series):
     # d(q c_B)/dq of the closed form, at the upper end of the range.
     found = optimize.steady(series, maximize="q*c_B", vary={"q": (0.1, 4.0)})

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
+from smpl._clock import Clock
 from smpl._optional import load
 from smpl.model import Model, compile
 
@@ -86,6 +87,7 @@ def steady(
     guess: Mapping[str, float] | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 100,
+    seconds: float | None = None,
 ) -> SteadyOptimum:
     """The steady state with the largest or smallest value of an expression.
 
@@ -104,6 +106,8 @@ def steady(
         guess: where the first steady state is looked for, as for `Model.steady_state`; the others begin at the last.
         tolerance: of the goal, over its size.
         max_iterations: quadratic programmes.
+        seconds: no steady state is solved for after so many, and the best one that keeps the limits counts; no limit if
+            None.
 
     Returns:
         A local optimum: another start may lead to a better one.
@@ -113,6 +117,7 @@ def steady(
         SimulationError: there is no steady state at the start, or no point keeps the limits.
         ImportError: SciPy is missing.
     """
+    clock = Clock(seconds)
     if (maximize is None) == (minimize is None):
         raise ValueError("give either maximize or minimize")
     problem = _Problem(
@@ -124,7 +129,11 @@ def steady(
         fixed,
         p,
     )
-    return problem.solve(start, guess, float(tolerance), as_count("max_iterations", max_iterations))
+    return problem.solve(start, guess, float(tolerance), as_count("max_iterations", max_iterations), clock)
+
+
+class _SpentError(Exception):
+    """The seconds are used up."""
 
 
 @dataclass
@@ -175,6 +184,7 @@ class _Problem:
         self.augmented = _augmented(self.model, self.expressions)
         self._order()
         self.last: _Point | None = None
+        self.points: list[_Point] = []
         self.values: list[float] = []
 
     def _order(self) -> None:
@@ -199,6 +209,8 @@ class _Problem:
         """The point at z, or one extrapolated from the last with a worse goal where there is no steady state."""
         if self.last is not None and np.array_equal(z, self.last.z):
             return self.last
+        if self.last is not None and self.clock.over():
+            raise _SpentError
         try:
             self.last = self._solved(z, self.last)
         except _native.SimulationError:
@@ -207,6 +219,7 @@ class _Problem:
                 raise
             return self._extrapolated(z, self.last)
         self.values.append(self.last.goal)
+        self.points.append(self.last)
         return self.last
 
     def _solved(self, z: FloatArray, near: _Point | None) -> _Point:
@@ -253,25 +266,33 @@ class _Problem:
         return _Point(z, last.y, goal + worse, last.by_goal, limited, last.by_limited, last.matrix)
 
     def solve(
-        self, start: Mapping[str, float] | None, guess: Mapping[str, float] | None, tolerance: float, iterations: int
+        self,
+        start: Mapping[str, float] | None,
+        guess: Mapping[str, float] | None,
+        tolerance: float,
+        iterations: int,
+        clock: Clock,
     ) -> SteadyOptimum:
         """Run the method."""
         minimize = _minimize()
-        self.guess = guess
+        self.guess, self.clock = guess, clock
         self.base = self._start(as_mapping("start", start))
         z = np.clip((self.base[self.places] - self.low) / (self.high - self.low), 0, 1)
         first = self.at(z)
         self._choose_rows(first)
         size = max(float(np.abs(first.by_goal).max(initial=0.0)), 1e-3 * abs(first.goal)) or 1.0
-        found = minimize(
-            lambda z: self.sign * self.at(z).goal / size,
-            z,
-            jac=lambda z: self.sign * self.at(z).by_goal / size,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(z),
-            constraints=self._constraints(),
-            options={"ftol": tolerance, "maxiter": iterations},
-        )
+        try:
+            found = minimize(
+                lambda z: self.sign * self.at(z).goal / size,
+                z,
+                jac=lambda z: self.sign * self.at(z).by_goal / size,
+                method="SLSQP",
+                bounds=[(0.0, 1.0)] * len(z),
+                constraints=self._constraints(),
+                options={"ftol": tolerance, "maxiter": iterations},
+            )
+        except _SpentError:
+            return self._unfinished()
         point = self._solved(np.clip(found.x, 0, 1), self.last)
         self._check(point, str(found.message))
         return self._result(point, bool(found.success), str(found.message))
@@ -325,9 +346,23 @@ class _Problem:
                 made.append({"type": kind, "fun": value, "jac": slope})
         return made
 
-    def _check(self, point: _Point, message: str) -> None:
-        beyond = np.maximum(self.ends[:, 0] - point.limited, point.limited - self.ends[:, 1]) / self.size
+    def _unfinished(self) -> SteadyOptimum:
+        """The best point so far that keeps the limits, or the one that comes nearest to it."""
+        message = "the time limit ended the search"
+        excess = [max(float(self._beyond(point).max(initial=0.0)), _FEASIBLE) for point in self.points]
+        ranks = [(left, self.sign * point.goal) for left, point in zip(excess, self.points, strict=True)]
+        point = self.points[min(range(len(ranks)), key=ranks.__getitem__)]
+        self._check(point, message)
+        return self._result(point, False, message)
+
+    def _beyond(self, point: _Point) -> FloatArray:
+        """What a point exceeds its limits by, over their size."""
+        beyond: FloatArray = np.maximum(self.ends[:, 0] - point.limited, point.limited - self.ends[:, 1]) / self.size
         beyond[~(self.equal | self.unequal)] = -np.inf
+        return beyond
+
+    def _check(self, point: _Point, message: str) -> None:
+        beyond = self._beyond(point)
         if len(beyond) and beyond.max() > _FEASIBLE:
             worst = int(np.argmax(beyond))
             low, high = self.ends[worst]
