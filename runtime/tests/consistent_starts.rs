@@ -133,3 +133,48 @@ fn given_states_are_simulated_as_they_are() {
     let v = value(&environment, "v");
     assert!((v + 1e-3 * v.powi(3) - 5.0).abs() < 1e-6, "{v}");
 }
+
+/// After a jump of u the quadratic in v has its roots 1 and 5 moved to 8 and 12: neither is in 0..6.
+fn moved(form: &str) -> String {
+    format!(
+        "action u = 0 in 0..7
+         state x = 0
+         state z = 0
+         var v = 1.5 in 0..6
+         {form}
+         eq (v - u - 1)*(v - u - 5) = 0
+         observe x
+         reward r = x\n"
+    )
+}
+
+#[test]
+fn a_restart_without_a_root_inside_of_the_bounds_fails_by_name() {
+    let explicit = "eq d/dt x = (v - x)*1[1/s]\neq d/dt z = -z*1[1/s]";
+    let implicit = "eq d/dt x + v*d/dt z = (v - x)*1[1/s]\neq d/dt x - d/dt z = z*1[1/s]";
+    for (form, methods) in [(explicit, &METHODS[..]), (implicit, &METHODS[..1])] {
+        for &method in methods {
+            let mut environment = environment(&moved(form), method);
+            environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+            assert!(!environment.step(&[0.0]).expect("a step").terminated);
+            assert!((value(&environment, "v") - 1.0).abs() < 1e-6, "{method}");
+            let step = environment.step(&[7.0]).expect("a step");
+            let failure = environment.failure_message();
+            assert!(step.terminated && failure.contains("v, has no solution inside of the declared bounds"), "{method}: {failure}");
+        }
+    }
+}
+
+/// v = 1 + u leaves its bounds by a hundredth of their range at a time.
+#[test]
+fn a_root_that_leaves_its_bounds_in_small_steps_is_followed() {
+    let text = moved("eq d/dt x = (v - x)*1[1/s]\neq d/dt z = -z*1[1/s]");
+    for method in METHODS {
+        let mut environment = environment(&text.replace("in 0..6", "in 0..1.02"), method);
+        environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+        for u in [0.01, 0.02, 0.03, 0.04] {
+            assert!(!environment.step(&[u]).expect("a step").terminated, "{method} at {u}");
+            assert!((value(&environment, "v") - 1.0 - u).abs() < 1e-6, "{method} at {u}");
+        }
+    }
+}

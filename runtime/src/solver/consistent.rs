@@ -48,6 +48,9 @@ const AT_REST: f64 = 1e-3;
 /// Parts of a first step at which the rates are looked at; no simple fractions, since a period might be one.
 const LOOKS: [f64; 8] = [0.031, 0.107, 0.229, 0.353, 0.491, 0.617, 0.773, 0.911];
 
+/// A solution that moves by more than this part of a range from inside of the bounds to outside of them is another branch.
+pub(crate) const JUMP: f64 = 0.1;
+
 /// Why no consistent state was found.
 pub(crate) enum Inconsistent {
     /// A callback failed; the bridge knows how.
@@ -56,6 +59,8 @@ pub(crate) enum Inconsistent {
     Singular(Option<usize>),
     /// Newton's method did not converge.
     Diverged { iterations: u32, correction: f64, unknown: Option<usize> },
+    /// The solution has jumped out of the declared bounds of this unknown, and none inside was found.
+    Outside { unknown: Option<usize> },
 }
 
 /// A consistent state from which a first step is sought.

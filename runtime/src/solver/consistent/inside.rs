@@ -3,14 +3,11 @@
 use super::super::bounds::Bounds;
 use super::super::callbacks::{Bridge, Trouble};
 use super::super::vector::Vector;
-use super::{Consistent, Inconsistent, LAST_CORRECTION, MIN_DAMPING, rounding};
+use super::{Consistent, Inconsistent, JUMP, LAST_CORRECTION, MIN_DAMPING, rounding};
 
 /// Newton iterations from one guess, and other guesses.
 const ITERATIONS: u32 = 60;
 const GUESSES: u64 = 12;
-/// A solution that moves by more than this part of a range from inside of the bounds to outside of them is another branch.
-const JUMP: f64 = 0.1;
-
 /// Bounds of the algebraic unknowns, with space for three points.
 pub(super) struct Inside {
     bounds: Bounds,
@@ -36,7 +33,8 @@ struct Point<'a> {
 impl Consistent {
     /// As [`initialise`](Self::initialise), with the solution inside of the bounds of the algebraic unknowns where there is one: the guess is moved
     /// into the bounds, steps are cut there, and other guesses are tried. With `first` unset, `y` was consistent before: the nearest
-    /// solution inside is taken if it is nearer than the one outside, or if that one is far away. The solution is outside of the bounds where none is found inside.
+    /// solution inside is taken if it is nearer than the one outside, or if that one is far away; where that one is far away and none is found inside, there is no
+    /// solution. A first solution is outside of the bounds where none is found inside.
     pub(in super::super) fn begin(
         &mut self,
         bridge: &mut Bridge,
@@ -84,6 +82,9 @@ impl Consistent {
         // What was noted on the way is not the cause.
         bridge.trouble = trouble;
         let away = bounds.distance(&self.algebraic, guess, found);
+        if solved && !first && away > JUMP && least.is_infinite() {
+            return Err(Inconsistent::Outside { unknown: bounds.outside(&self.algebraic, found) });
+        }
         let inward = least.is_finite() && (away > JUMP || least <= away);
         y.entries_mut().copy_from_slice(match solved {
             true if inward => nearest,
