@@ -30,6 +30,7 @@ mod instances;
 mod ledger;
 mod lower;
 mod naming;
+pub mod notes;
 mod options;
 mod outside;
 mod quantities;
@@ -52,11 +53,11 @@ use lower::Lowering;
 use select::Input;
 use select::variants::Choices;
 
-pub use built_ins::is_built_in;
+pub use built_ins::{built_in_names, is_built_in};
 pub(crate) use check::derivative::show_derivatives;
 pub(crate) use check::lints::unused_parameters;
-pub use episode::is_entry_setting;
 pub(crate) use episode::ordered_initial;
+pub use episode::{block_entries, is_entry_setting};
 pub use equations::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};
 pub(crate) use lower::nests::for_each_element;
@@ -111,6 +112,7 @@ impl Pass {
     fn over(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options, spent: u32) -> Pass {
         let mut ledger = Ledger::default();
         ledger.budget.begin_at(spent);
+        ledger.budget.cancelled = options.observer.as_ref().map(|observer| observer.cancelled.clone());
         let choices = Choices::of(files);
         let (selected, shown) = choices.select(files, options);
         ledger.reports.diagnostics.append(selected.faults);
@@ -132,6 +134,9 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     if !work.ledger.reports.diagnostics.iter().any(|d| d.code == codes::UNKNOWN_IMPORT) {
         let mut lowering = Lowering::new(input, &symbols, &instances, &mut work);
         let (equations, control) = all_statements(&mut lowering);
+        if let Some(observer) = &input.options.observer {
+            observer.write(notes::collected(&lowering));
+        }
         let unused = check::unused::components(&lowering);
         sample_faults(input, &unused).into_iter().for_each(|fault| lowering.ledger.report(fault));
         if input.options.lints && !lowering.ledger.reports.has_errors() {

@@ -47,12 +47,13 @@ const STATEMENTS: &[(&str, Option<&str>)] = &[
 ];
 
 /// First words of statements.
-pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
+pub fn keywords() -> impl Iterator<Item = &'static str> {
     STATEMENTS.iter().map(|(word, _)| *word)
 }
 
 /// How a statement is formed, by an example.
-pub(crate) fn form(keyword: &str) -> Option<&'static str> {
+#[must_use]
+pub fn form(keyword: &str) -> Option<&'static str> {
     STATEMENTS.iter().find(|(word, _)| *word == keyword)?.1
 }
 
@@ -85,7 +86,8 @@ pub(crate) const CLAUSES: &[&str] = &[
 ];
 
 /// Whether the word cannot be a name.
-pub(crate) fn is_reserved(word: &str) -> bool {
+#[must_use]
+pub fn is_reserved(word: &str) -> bool {
     RESERVED.contains(&word)
 }
 

@@ -1,5 +1,8 @@
 //! How much a model may ask of the compiler.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 
@@ -39,6 +42,8 @@ pub(in crate::elaborate) struct Budget {
     work: u32,
     /// Where that became too much: from there on nothing is elaborated or reported.
     exhausted: Option<Span>,
+    /// Set when the result is no longer needed.
+    pub(in crate::elaborate) cancelled: Option<Arc<AtomicBool>>,
 }
 
 /// Whether something may be unrolled.
@@ -87,7 +92,8 @@ impl Budget {
     /// Whether one more expression may be elaborated, where there are so many nodes. What an attempt took is not given back.
     pub(in crate::elaborate) fn may_elaborate(&mut self, span: Span, nodes: usize) -> bool {
         self.work = self.work.saturating_add(1);
-        if self.work > MAX_WORK || nodes > MAX_NODES {
+        let cancelled = || self.cancelled.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed));
+        if self.work > MAX_WORK || nodes > MAX_NODES || self.work.is_multiple_of(256) && cancelled() {
             self.give_up(span);
         }
         self.exhausted.is_none()

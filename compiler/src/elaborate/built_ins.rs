@@ -28,6 +28,11 @@ const NAMES: &[(&str, &str, Option<&str>)] = &[
     ("phase_time", "the time since the phase began", None),
 ];
 
+/// Names that are built in, with their meanings.
+pub fn built_in_names() -> impl Iterator<Item = (&'static str, &'static str)> {
+    NAMES.iter().map(|(name, meaning, _)| (*name, *meaning))
+}
+
 fn built_in(name: &str) -> Option<&'static (&'static str, &'static str, Option<&'static str>)> {
     NAMES.iter().find(|(n, ..)| *n == name)
 }

@@ -26,7 +26,7 @@ mod together;
 mod unknown;
 
 pub(in crate::elaborate) use common::each;
-pub use entries::is_entry_setting;
+pub use entries::{block_entries, is_entry_setting};
 pub(in crate::elaborate) use observations::check_level;
 pub(crate) use order::ordered_initial;
 

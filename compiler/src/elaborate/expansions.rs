@@ -75,6 +75,11 @@ impl Expansions {
         self.values.get(key)
     }
 
+    /// Values of all expansions that were made.
+    pub(in crate::elaborate) fn values(&self) -> impl Iterator<Item = (SymbolId, &Value)> {
+        self.values.iter().map(|((symbol, ..), value)| (*symbol, value))
+    }
+
     /// Remembers the value of an expansion.
     pub(in crate::elaborate) fn remember(&mut self, key: Expansion, value: Value) {
         self.values.insert(key, value);

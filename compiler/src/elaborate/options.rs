@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax;
 
+use super::notes::Observer;
+
 /// What a compilation is asked for beside the text.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -28,6 +30,8 @@ pub struct Options {
     pub max_steps: Option<u32>,
     /// Look for what is allowed but hardly meant, too.
     pub lints: bool,
+    /// Ends the elaboration early, and receives notes for editors.
+    pub observer: Option<Observer>,
 }
 
 /// Value of a setting.

@@ -104,6 +104,18 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
 ];
 
+/// Names of the entries of a block, `episode` or `solver`, with the words that an entry takes if it takes words.
+pub fn block_entries(block: &str) -> impl Iterator<Item = (&'static str, Option<&'static str>)> {
+    let of = move |entry: &&Entry| match entry.block {
+        Block::Episode => block == "episode",
+        Block::Solver => block == "solver",
+    };
+    ENTRIES.iter().filter(of).map(|entry| match &entry.takes {
+        Takes::Name(names) => (entry.name, Some(names.text)),
+        _ => (entry.name, None),
+    })
+}
+
 /// Counts that an entry takes.
 pub(in crate::elaborate) const COUNT_TEXT: &str = "a whole number from 1 to 4000000000";
 

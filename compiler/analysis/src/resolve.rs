@@ -1,0 +1,627 @@
+//! Occurrences of symbols: every name of the trees with what it means.
+
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{
+    Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
+    TableCells, UnitBase, UnitExpr,
+};
+
+use crate::symbols::{Site, Symbol, SymbolId, SymbolKind, Symbols};
+
+/// A place where a symbol is named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Occurrence {
+    /// The name.
+    pub span: Span,
+    /// The symbol.
+    pub symbol: SymbolId,
+    /// The name is declared here.
+    pub declares: bool,
+}
+
+/// An equation, a definition or a connection.
+#[derive(Clone, Debug)]
+pub struct EquationUse {
+    /// The statement.
+    pub span: Span,
+    /// The symbol on the left side alone, or under `d/dt`.
+    pub determines: Option<SymbolId>,
+    /// Symbols that it mentions.
+    pub mentions: Vec<SymbolId>,
+}
+
+/// What names of trees mean.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Resolved {
+    /// Symbols.
+    pub symbols: Symbols,
+    /// Where they are named, by place.
+    pub occurrences: Vec<Occurrence>,
+    /// Equations in the order of the text.
+    pub equations: Vec<EquationUse>,
+    /// Names of functions that are called and unit symbols: built in, not declared.
+    pub built_in: Vec<(Span, BuiltIn)>,
+    /// Names that mean nothing.
+    pub unknown: Vec<Span>,
+}
+
+/// Kinds of names that are not declared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BuiltIn {
+    /// A function or a name such as `pi`.
+    Name,
+    /// A unit symbol.
+    Unit,
+}
+
+/// Resolves the names of all files of a program.
+pub(crate) fn resolve(files: &[&File]) -> Resolved {
+    let mut out = Resolved::default();
+    for file in files {
+        Declarer { symbols: &mut out.symbols }.sets(&file.statements, None);
+    }
+    for file in files {
+        Declarer { symbols: &mut out.symbols }.statements(&file.statements, None);
+    }
+    for file in files {
+        Resolver { out: &mut out, within: None, locals: Vec::new() }.statements(&file.statements);
+    }
+    let places: Vec<(SymbolId, Span)> =
+        out.symbols.iter().flat_map(|(id, symbol)| symbol.sites.iter().map(move |site| (id, site.name))).collect();
+    out.occurrences.extend(places.into_iter().map(|(symbol, span)| Occurrence { span, symbol, declares: true }));
+    out.occurrences.sort_by_key(|o| (o.span.file, o.span.start, !o.declares));
+    out.occurrences.dedup_by_key(|o| o.span);
+    out.built_in.sort_by_key(|(span, _)| (span.file, span.start));
+    out
+}
+
+/// First pass: what is declared.
+struct Declarer<'s> {
+    symbols: &'s mut Symbols,
+}
+
+fn site(name: &Ident, declaration: Span) -> Site {
+    Site { name: name.span, declaration }
+}
+
+impl Declarer<'_> {
+    /// Sets come first: a table over a name that is no set declares one.
+    fn sets(&mut self, statements: &[Statement], within: Option<SymbolId>) {
+        for statement in statements {
+            match &statement.kind {
+                StatementKind::Set { name, members, text } => {
+                    let mut symbol = Symbol::new(&name.text, SymbolKind::Set, within, site(name, statement.span));
+                    symbol.text = text.clone();
+                    let set = self.symbols.declare(symbol);
+                    if let SetMembers::Names(names) = members {
+                        self.members(set, names.iter());
+                    }
+                }
+                StatementKind::Variant { body, .. } | StatementKind::When { body, .. } => self.sets(body, within),
+                _ => {}
+            }
+        }
+    }
+
+    fn members<'i>(&mut self, set: SymbolId, names: impl Iterator<Item = &'i Ident>) {
+        for name in names {
+            self.symbols.declare(Symbol::new(&name.text, SymbolKind::Member, Some(set), site(name, name.span)));
+        }
+    }
+
+    fn statements(&mut self, statements: &[Statement], within: Option<SymbolId>) {
+        for statement in statements {
+            self.statement(statement, within);
+        }
+    }
+
+    fn statement(&mut self, statement: &Statement, within: Option<SymbolId>) {
+        let at = statement.span;
+        let named = |name: &Ident, kind: SymbolKind, text: &Option<String>| {
+            let mut symbol = Symbol::new(&name.text, kind, within, site(name, at));
+            symbol.text = text.clone();
+            symbol
+        };
+        let symbol = match &statement.kind {
+            StatementKind::Model { name, text } => named(name, SymbolKind::Model, text),
+            StatementKind::Time { name, unit } => Symbol { unit: Some(unit.clone()), ..named(name, SymbolKind::Time, &None) },
+            StatementKind::Table(table) => return self.table(table, within, at),
+            StatementKind::TimeTable(table) => {
+                Symbol { unit: table.unit.clone(), ..named(&table.name, SymbolKind::TimeTable, &table.text) }
+            }
+            StatementKind::Def { name, parameters, body } => {
+                let arguments = parameters.iter().map(|p| p.text.clone()).collect();
+                Symbol { arguments, value: Some(body.span), ..named(name, SymbolKind::Function, &None) }
+            }
+            StatementKind::Declare { role, declarations } => {
+                let kind = SymbolKind::Variable(*role);
+                return declarations.iter().for_each(|d| self.declaration(d, kind, within));
+            }
+            StatementKind::Domain(domain) => {
+                let bounds = Some((domain.range.0.span, domain.range.1.span));
+                Symbol { bounds, ..named(&domain.name, SymbolKind::Domain, &domain.text) }
+            }
+            StatementKind::Flux(flux) => {
+                let indices = flux.indices.iter().map(set_of).collect();
+                let value = Some(flux.inner.span);
+                Symbol { unit: flux.unit.clone(), indices, value, ..named(&flux.name, SymbolKind::Flux, &None) }
+            }
+            StatementKind::Connector { name, members } => {
+                let connector = self.symbols.declare(named(name, SymbolKind::Connector, &None));
+                let kind = SymbolKind::Variable(smpl_dsl::syntax::Role::Var);
+                return members.iter().for_each(|d| self.declaration(d, kind, Some(connector)));
+            }
+            StatementKind::Component { name, parameters, text, body } => {
+                let arguments = parameters.iter().map(|(p, _)| p.text.clone()).collect();
+                let component = self.symbols.declare(Symbol { arguments, ..named(name, SymbolKind::Component, text) });
+                for (parameter, value) in parameters {
+                    let mut symbol = Symbol::new(&parameter.text, SymbolKind::Structural, Some(component), site(parameter, parameter.span));
+                    symbol.value = value.as_ref().map(|e| e.span);
+                    self.symbols.declare(symbol);
+                }
+                self.sets(body, Some(component));
+                return self.statements(body, Some(component));
+            }
+            StatementKind::Port { names, connector } => {
+                for name in names {
+                    let mut symbol = named(name, SymbolKind::Port, &None);
+                    symbol.of = Some(connector.text.clone());
+                    self.symbols.declare(symbol);
+                }
+                return;
+            }
+            StatementKind::Instance { component, name, indices, .. } => {
+                let indices = indices.iter().map(set_of).collect();
+                Symbol { of: Some(component.text.clone()), indices, ..named(name, SymbolKind::Instance, &None) }
+            }
+            StatementKind::Observe { items } => return items.iter().for_each(|item| self.observation(item, within)),
+            StatementKind::Level { name, text, body } => {
+                self.symbols.declare(named(name, SymbolKind::Level, text));
+                return self.statements(body, within);
+            }
+            StatementKind::Reward { name, unit, text, .. } => Symbol { unit: unit.clone(), ..named(name, SymbolKind::Reward, text) },
+            StatementKind::Fail { name, text, .. } => named(name, SymbolKind::Failure, text),
+            StatementKind::Success { name, text, .. } => named(name, SymbolKind::Success, text),
+            StatementKind::Constraint { name, text, .. } => named(name, SymbolKind::Constraint, text),
+            StatementKind::Invariant { name, text, .. } => named(name, SymbolKind::Invariant, text),
+            StatementKind::Policy { name, .. } => named(name, SymbolKind::Policy, &None),
+            StatementKind::Event { name, text, .. } => named(name, SymbolKind::Event, text),
+            StatementKind::Phase(phase) => named(&phase.name, SymbolKind::Phase, &None),
+            StatementKind::Variant { name, text, body } => {
+                self.symbols.declare(named(name, SymbolKind::Variant, text));
+                return self.statements(body, within);
+            }
+            StatementKind::Choice { name, options, text } => {
+                let choice = self.symbols.declare(named(name, SymbolKind::Choice, text));
+                for option in options {
+                    self.symbols.declare(Symbol::new(&option.text, SymbolKind::Choose, Some(choice), site(option, option.span)));
+                }
+                return;
+            }
+            StatementKind::When { body, .. } => return self.statements(body, within),
+            _ => return,
+        };
+        self.symbols.declare(symbol);
+    }
+
+    fn declaration(&mut self, d: &Declaration, kind: SymbolKind, within: Option<SymbolId>) {
+        let mut symbol = Symbol::new(&d.name.text, kind, within, site(&d.name, d.span));
+        symbol.unit = d.unit.clone();
+        symbol.text = d.text.clone();
+        symbol.indices = d.indices.iter().map(set_of).collect();
+        symbol.value = d.value.as_ref().or(d.sample.as_ref()).map(|e| e.span);
+        symbol.bounds = d.bounds.as_ref().map(|(low, high)| (low.span, high.span));
+        self.symbols.declare(symbol);
+    }
+
+    fn observation(&mut self, item: &Observation, within: Option<SymbolId>) {
+        let Some(name) = item.name.as_ref().filter(|name| name.span != item.value.span) else { return };
+        let mut symbol = Symbol::new(&name.text, SymbolKind::Observation, within, site(name, item.span));
+        symbol.unit = item.unit.clone();
+        symbol.text = item.text.clone();
+        self.symbols.declare(symbol);
+    }
+
+    fn table(&mut self, table: &Table, within: Option<SymbolId>, at: Span) {
+        if let Some(set) = table.indices.first()
+            && self.symbols.find(within, true, &set.text).or_else(|| self.symbols.find(None, true, &set.text)).is_none()
+        {
+            let set = self.symbols.declare(Symbol::new(&set.text, SymbolKind::Set, within, site(set, at)));
+            self.members(set, table.rows.iter().map(|row| &row.label));
+        }
+        for column in &table.columns {
+            let mut symbol = Symbol::new(&column.name.text, SymbolKind::Table, within, site(&column.name, at));
+            symbol.unit = column.unit.clone();
+            symbol.text = table.text.clone();
+            symbol.indices = table.indices.iter().map(|set| set.text.clone()).collect();
+            self.symbols.declare(symbol);
+        }
+    }
+}
+
+/// The set or domain of a binder.
+fn set_of(binder: &Binder) -> String {
+    match &binder.over {
+        BinderSet::Set(set) => set.text.clone(),
+        BinderSet::Itself | BinderSet::Range(..) | BinderSet::Tuple(_) => binder.name.text.clone(),
+    }
+}
+
+/// Second pass: what is named.
+struct Resolver<'o> {
+    out: &'o mut Resolved,
+    within: Option<SymbolId>,
+    /// Indices and arguments in force, the innermost last.
+    locals: Vec<SymbolId>,
+}
+
+impl Resolver<'_> {
+    fn statements(&mut self, statements: &[Statement]) {
+        for statement in statements {
+            let locals = self.locals.len();
+            self.statement(statement);
+            self.locals.truncate(locals);
+        }
+    }
+
+    fn use_of(&mut self, span: Span, symbol: SymbolId) {
+        self.out.occurrences.push(Occurrence { span, symbol, declares: false });
+    }
+
+    /// A name in an expression, by scope.
+    fn find(&self, name: &str) -> Option<SymbolId> {
+        let local = self.locals.iter().rev().find(|id| self.out.symbols.get(**id).name == name).copied();
+        local.or_else(|| self.out.symbols.lookup(self.within, name)).or_else(|| self.member_of_any(name))
+    }
+
+    /// A member of a set, where no name is declared.
+    fn member_of_any(&self, name: &str) -> Option<SymbolId> {
+        let sets = self.out.symbols.iter().filter(|(_, s)| matches!(s.kind, SymbolKind::Set | SymbolKind::Choice));
+        sets.map(|(set, _)| set).find_map(|set| self.out.symbols.find(Some(set), true, name))
+    }
+
+    fn name(&mut self, name: &Ident) -> Option<SymbolId> {
+        let found = self.find(&name.text);
+        match found {
+            Some(symbol) => self.use_of(name.span, symbol),
+            None => self.undeclared(name),
+        }
+        found
+    }
+
+    fn undeclared(&mut self, name: &Ident) {
+        if crate::reference::is_built_in(&name.text) {
+            self.out.built_in.push((name.span, BuiltIn::Name));
+        } else {
+            self.out.unknown.push(name.span);
+        }
+    }
+
+    /// A name of the file's level, such as a component's.
+    fn global(&mut self, name: &Ident) -> Option<SymbolId> {
+        let found = self.out.symbols.lookup(self.within, &name.text);
+        match found {
+            Some(symbol) => self.use_of(name.span, symbol),
+            None => self.out.unknown.push(name.span),
+        }
+        found
+    }
+
+    fn member(&mut self, scope: Option<SymbolId>, name: &Ident) -> Option<SymbolId> {
+        let found = scope.and_then(|scope| self.out.symbols.find(Some(scope), true, &name.text));
+        if let Some(symbol) = found {
+            self.use_of(name.span, symbol);
+        }
+        found
+    }
+
+    fn statement(&mut self, statement: &Statement) {
+        match &statement.kind {
+            StatementKind::Model { .. } | StatementKind::Import { .. } | StatementKind::Choice { .. } => {}
+            StatementKind::Time { unit, .. } => self.unit(unit),
+            StatementKind::Set { members, .. } => {
+                if let SetMembers::Range(low, high) = members {
+                    self.exprs([low, high]);
+                }
+            }
+            StatementKind::Table(table) => self.table(table),
+            StatementKind::TimeTable(table) => {
+                table.unit.iter().chain([&table.time_unit]).for_each(|unit| self.unit(unit));
+                table.entries.iter().for_each(|(time, value)| self.exprs([time, value]));
+            }
+            StatementKind::Def { parameters, body, .. } => {
+                parameters.iter().for_each(|p| self.local(p, SymbolKind::Argument, None));
+                self.expr(body);
+            }
+            StatementKind::Declare { declarations, .. } => declarations.iter().for_each(|d| self.declaration(d)),
+            StatementKind::Equation { lhs, rhs, binders } => self.equation(statement.span, lhs, rhs, binders),
+            StatementKind::Domain(domain) => {
+                self.exprs([&domain.range.0, &domain.range.1, &domain.cells]);
+                [&domain.stretch, &domain.faces, &domain.volumes, &domain.areas].into_iter().flatten().for_each(|e| {
+                    self.expr(e);
+                });
+            }
+            StatementKind::Flux(flux) => {
+                self.binders(&flux.indices);
+                flux.unit.iter().for_each(|unit| self.unit(unit));
+                [Some(&flux.inner), flux.low.as_ref(), flux.high.as_ref()].into_iter().flatten().for_each(|e| {
+                    self.expr(e);
+                });
+            }
+            StatementKind::Connector { members, .. } => members.iter().for_each(|d| self.declaration(d)),
+            StatementKind::Component { name, parameters, body, .. } => {
+                parameters.iter().filter_map(|(_, value)| value.as_ref()).for_each(|e| {
+                    self.expr(e);
+                });
+                let outer = std::mem::replace(&mut self.within, self.out.symbols.find(None, true, &name.text));
+                self.statements(body);
+                self.within = outer;
+            }
+            StatementKind::Port { connector, .. } => {
+                self.global(connector);
+            }
+            StatementKind::Instance { component, indices, arguments, .. } => {
+                let component = self.global(component);
+                self.binders(indices);
+                for (name, value) in arguments {
+                    self.member(component, name);
+                    self.expr(value);
+                }
+            }
+            StatementKind::Connect { chain, binders } => {
+                let before = self.out.occurrences.len();
+                self.binders(binders);
+                self.exprs(chain);
+                self.note_equation(statement.span, None, before);
+            }
+            _ => self.problem(statement),
+        }
+    }
+
+    /// Statements of the control problem and of alternatives.
+    fn problem(&mut self, statement: &Statement) {
+        match &statement.kind {
+            StatementKind::Initial { target, value, clip, binders, .. } => {
+                self.binders(binders);
+                self.exprs([target, value]);
+                self.clip(clip.as_ref());
+            }
+            StatementKind::Steady { entries } | StatementKind::Policy { entries, .. } => {
+                entries.iter().for_each(|(target, value)| self.exprs([target, value]));
+            }
+            StatementKind::Observe { items } => items.iter().for_each(|item| self.observation(item)),
+            StatementKind::Reward { value, unit, .. } => {
+                unit.iter().for_each(|unit| self.unit(unit));
+                self.expr(value);
+            }
+            StatementKind::Fail { condition, .. }
+            | StatementKind::Success { condition, .. }
+            | StatementKind::Constraint { condition, .. }
+            | StatementKind::Event { condition, .. } => {
+                self.expr(condition);
+            }
+            StatementKind::Invariant { value, rate, .. } => self.exprs([Some(value), rate.as_ref()].into_iter().flatten()),
+            StatementKind::Episode { entries } | StatementKind::Solver { entries } => {
+                // Names of methods and the like are words of the place.
+                let values = entries.iter().map(|(_, value)| value);
+                values.filter(|value| !matches!(value.kind, ExprKind::Name(_))).for_each(|value| {
+                    self.expr(value);
+                });
+            }
+            StatementKind::At { instant, body } => {
+                if !matches!(instant.text.as_str(), "start" | "end") {
+                    self.global(instant);
+                }
+                self.statements(body);
+            }
+            StatementKind::Next { target, value, binders } | StatementKind::Reset { target, value, binders } => {
+                self.binders(binders);
+                self.exprs([target, value]);
+            }
+            StatementKind::Clamp { target, value, condition, binders } => {
+                self.binders(binders);
+                self.exprs([target, value, condition]);
+            }
+            StatementKind::Phase(phase) => {
+                self.exprs([&phase.duration, &phase.until].into_iter().flatten());
+                if let Some(next) = &phase.next {
+                    self.global(next);
+                }
+                self.statements(&phase.body);
+            }
+            StatementKind::When { choice, option, body } => {
+                let choice = self.global(choice);
+                self.member(choice, option);
+                self.statements(body);
+            }
+            StatementKind::Variant { body, .. } | StatementKind::Level { body, .. } => self.statements(body),
+            _ => {}
+        }
+    }
+
+    fn equation(&mut self, span: Span, lhs: &Expr, rhs: &Expr, binders: &[Binder]) {
+        let before = self.out.occurrences.len();
+        self.binders(binders);
+        let left = match &lhs.kind {
+            ExprKind::Derivative(inner) => self.expr(inner),
+            _ => self.expr(lhs),
+        };
+        self.expr(rhs);
+        self.note_equation(span, left, before);
+    }
+
+    fn note_equation(&mut self, span: Span, determines: Option<SymbolId>, before: usize) {
+        let mut mentions: Vec<SymbolId> = self.out.occurrences[before..].iter().map(|o| o.symbol).collect();
+        mentions.sort_unstable();
+        mentions.dedup();
+        self.out.equations.push(EquationUse { span, determines, mentions });
+    }
+
+    fn table(&mut self, table: &Table) {
+        let sets: Vec<Option<SymbolId>> = table.indices.iter().map(|set| self.global(set)).collect();
+        table.columns.iter().filter_map(|c| c.unit.as_ref()).for_each(|unit| self.unit(unit));
+        table.default.iter().for_each(|e| {
+            self.expr(e);
+        });
+        for row in &table.rows {
+            self.member(sets.first().copied().flatten(), &row.label);
+            match &row.cells {
+                TableCells::Values(cells) => self.exprs(cells),
+                TableCells::Sparse(cells) => {
+                    for (member, value) in cells {
+                        self.member(sets.get(1).copied().flatten(), member);
+                        self.expr(value);
+                    }
+                }
+            }
+        }
+    }
+
+    fn declaration(&mut self, d: &Declaration) {
+        let locals = self.locals.len();
+        let before = self.out.occurrences.len();
+        self.binders(&d.indices);
+        d.unit.iter().for_each(|unit| self.unit(unit));
+        self.exprs([&d.value, &d.sample, &d.scale].into_iter().flatten());
+        if let Some((low, high)) = &d.bounds {
+            self.exprs([low, high]);
+        }
+        self.clip(d.clip.as_ref());
+        if d.value.is_some() && self.out.occurrences.len() > before {
+            let name = self.out.symbols.find(self.within, true, &d.name.text);
+            if name.is_some_and(|id| self.out.symbols.get(id).kind == SymbolKind::Variable(smpl_dsl::syntax::Role::Let)) {
+                self.note_equation(d.span, name, before);
+            }
+        }
+        self.locals.truncate(locals);
+    }
+
+    fn clip(&mut self, clip: Option<&Clip>) {
+        if let Some(Clip::Range(low, high)) = clip {
+            self.exprs([low, high]);
+        }
+    }
+
+    fn observation(&mut self, item: &Observation) {
+        let locals = self.locals.len();
+        self.binders(&item.binders);
+        item.unit.iter().for_each(|unit| self.unit(unit));
+        self.expr(&item.value);
+        self.exprs([&item.noise, &item.every, &item.delay].into_iter().flatten());
+        if let Some((low, high)) = &item.bounds {
+            self.exprs([low, high]);
+        }
+        self.locals.truncate(locals);
+    }
+
+    /// Binds indices. An index named as its set is the set itself.
+    fn binders(&mut self, binders: &[Binder]) {
+        for binder in binders {
+            match &binder.over {
+                BinderSet::Itself => {
+                    self.global(&binder.name);
+                }
+                BinderSet::Set(set) => {
+                    self.global(set);
+                    self.local(&binder.name, SymbolKind::Index, Some(set.text.clone()));
+                }
+                BinderSet::Range(low, high) => {
+                    self.exprs([&**low, &**high]);
+                    match self.out.symbols.lookup(self.within, &binder.name.text) {
+                        Some(domain) if self.out.symbols.get(domain).kind == SymbolKind::Domain => self.use_of(binder.name.span, domain),
+                        _ => self.local(&binder.name, SymbolKind::Index, None),
+                    }
+                }
+                BinderSet::Tuple(list) => {
+                    self.exprs(list);
+                    self.local(&binder.name, SymbolKind::Index, None);
+                }
+            }
+        }
+    }
+
+    fn local(&mut self, name: &Ident, kind: SymbolKind, of: Option<String>) {
+        let mut symbol = Symbol::new(&name.text, kind, self.within, site(name, name.span));
+        symbol.of = of;
+        let id = self.out.symbols.add(symbol);
+        self.locals.push(id);
+    }
+
+    fn exprs<'e>(&mut self, list: impl IntoIterator<Item = &'e Expr>) {
+        for e in list {
+            self.expr(e);
+        }
+    }
+
+    /// Resolves the names of an expression; the symbol that it names, for members and indices.
+    fn expr(&mut self, e: &Expr) -> Option<SymbolId> {
+        match &e.kind {
+            ExprKind::Number { unit, .. } => unit.iter().for_each(|unit| self.unit(unit)),
+            ExprKind::Bool(_) => {}
+            ExprKind::Name(name) => return self.name(name),
+            ExprKind::Member(base, member) => {
+                let base = self.expr(base)?;
+                let scope = self.out.symbols.scope_of(base);
+                return self.member(scope, member);
+            }
+            ExprKind::Index(base, list) => {
+                let base = self.expr(base);
+                let sets = base.map(|id| self.out.symbols.get(id).indices.clone()).unwrap_or_default();
+                list.iter().enumerate().for_each(|(i, index)| self.index(index, sets.get(i).map(String::as_str)));
+                return base;
+            }
+            ExprKind::Call { function, arguments } => {
+                match self.find(&function.text) {
+                    Some(symbol) => self.use_of(function.span, symbol),
+                    None => self.undeclared(function),
+                }
+                self.exprs(arguments);
+            }
+            ExprKind::Reduce { function, body, binders, condition } => {
+                self.undeclared(function);
+                let locals = self.locals.len();
+                self.binders(binders);
+                self.expr(body);
+                condition.iter().for_each(|e| {
+                    self.expr(e);
+                });
+                self.locals.truncate(locals);
+            }
+            ExprKind::Derivative(inner) | ExprKind::Unary(_, inner) => {
+                self.expr(inner);
+            }
+            ExprKind::As(inner, unit) => {
+                self.expr(inner);
+                self.unit(unit);
+            }
+            ExprKind::Binary(_, a, b) => self.exprs([&**a, &**b]),
+            ExprKind::If(c, a, b) => self.exprs([&**c, &**a, &**b]),
+            ExprKind::Tuple(list) => self.exprs(list),
+        }
+        None
+    }
+
+    /// An index: a bound name, a member of the array's set, or an expression.
+    fn index(&mut self, e: &Expr, set: Option<&str>) {
+        if let (ExprKind::Name(name), Some(set)) = (&e.kind, set) {
+            let is_local = self.locals.iter().any(|id| self.out.symbols.get(*id).name == name.text);
+            let set = self.out.symbols.lookup(self.within, set);
+            if !is_local && self.member(set, name).is_some() {
+                return;
+            }
+        }
+        self.expr(e);
+    }
+
+    fn unit(&mut self, unit: &UnitExpr) {
+        for factor in &unit.factors {
+            match &factor.base {
+                UnitBase::Symbol(symbol) => self.out.built_in.push((symbol.span, BuiltIn::Unit)),
+                UnitBase::Of(e) => {
+                    self.expr(e);
+                }
+                UnitBase::Number(..) => {}
+            }
+        }
+    }
+}
