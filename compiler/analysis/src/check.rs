@@ -1,7 +1,6 @@
 //! Diagnostics of a text, and what the compiler derived from it.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use smpl_compiler::compile::flatten;

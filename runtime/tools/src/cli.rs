@@ -8,9 +8,11 @@ mod compile;
 mod document;
 mod excerpt;
 mod excursion;
+mod explain;
 mod export;
 mod fit;
 mod import;
+mod lsp;
 mod new;
 mod outputs;
 mod plot;
@@ -74,6 +76,10 @@ enum Command {
     Fmt(document::FormatArguments),
     /// Describe a model in Markdown, with its equations typeset
     Doc(document::DocArguments),
+    /// Explain a diagnostic: meaning, a wrong and a right example
+    Explain(explain::ExplainArguments),
+    /// Serve an editor on standard input and output (language server)
+    Lsp(lsp::LspArguments),
 }
 
 /// What every command that takes a model takes.
@@ -176,6 +182,8 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Import(arguments) => import::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),
         Command::Doc(arguments) => document::describe(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
+        Command::Lsp(arguments) => lsp::run(&arguments),
     }
 }
 

@@ -1,6 +1,7 @@
 //! smpl-tools: the command `smpl` and the documents, pictures and files that it makes.
 //!
-//! [`cli`] is the command. [`picture`] draws trajectories, [`export`] writes models for other tools, [`import`] reads models of other tools.
+//! [`cli`] is the command. [`picture`] draws trajectories, [`export`] writes models for other tools, [`import`] reads models of other tools, [`lsp`]
+//! serves editors.
 
 #![warn(unreachable_pub)]
 
@@ -8,5 +9,6 @@ pub mod cli;
 pub(crate) mod document;
 pub mod export;
 pub(crate) mod import;
+pub mod lsp;
 pub mod picture;
 pub(crate) mod sweep;
