@@ -161,9 +161,20 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
 /// # Errors
 /// See [`LoadError`].
 pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    load_open(path, text, options, &|_| None)
+}
+
+/// Texts that replace those of files, by their paths: those that an editor has open.
+pub type OpenTexts<'a> = &'a (dyn Fn(&Path) -> Option<String> + Sync);
+
+/// As [`load_text`], with open texts of imported files and scenarios.
+///
+/// # Errors
+/// See [`LoadError`].
+pub fn load_open(path: &Path, text: String, options: &LoadOptions, open: OpenTexts<'_>) -> Result<Loaded, LoadError> {
     let mut sources = SourceMap::new();
     let main = sources.add(path.display().to_string(), text);
-    let scenario = match load_scenario(path, options, &mut sources) {
+    let scenario = match load_scenario(path, options, &mut sources, open) {
         Ok(scenario) => scenario,
         Err(ScenarioFault::Load(error)) => return Err(error),
         Err(ScenarioFault::Diagnostic(d)) => {
@@ -172,7 +183,7 @@ pub fn load_text(path: &Path, text: String, options: &LoadOptions) -> Result<Loa
     };
     let settings = settings_as_text(&mut sources, options);
     let extra = options.extra.as_ref().map(|text| sources.add("extra", text.clone()));
-    match compiled(&mut sources, main, extra, &scenario, options) {
+    match compiled(&mut sources, main, extra, &scenario, (options, open)) {
         Ok(Compiled { model, warnings, imports }) => {
             let texts = [main].into_iter().chain(extra).chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
@@ -206,22 +217,27 @@ fn compiled(
     main: FileId,
     extra: Option<FileId>,
     scenario: &Scenario,
-    options: &LoadOptions,
+    (options, open): (&LoadOptions, OpenTexts<'_>),
 ) -> Result<Compiled, Vec<Diagnostic>> {
     let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
     let asked = Options { extra, ..compile_options(sources, scenario, options)? };
     let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
-    compile(sources, main, &mut |path| import(&folder, path), &asked, &settings)
+    compile(sources, main, &mut |path| import_open(&folder, path, open), &asked, &settings)
 }
 
 /// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
 pub fn import(folder: &Path, path: &str) -> Option<(String, String)> {
+    import_open(folder, path, &|_| None)
+}
+
+/// As [`import`], with open texts.
+pub fn import_open(folder: &Path, path: &str, open: OpenTexts<'_>) -> Option<(String, String)> {
     let library = std::env::var_os("SMPL_LIBRARY").and_then(|root| Path::new(&root).canonicalize().ok());
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     [Some(here.to_owned()), library.clone()].into_iter().flatten().find_map(|root| {
         let root = root.canonicalize().ok()?;
         let file = root.join(path).canonicalize().ok()?;
-        let text = file.starts_with(&root).then(|| files::read_text(&file).ok())??;
+        let text = file.starts_with(&root).then(|| open(&file).or_else(|| files::read_text(&file).ok()))??;
         let name = if Some(&root) == library.as_ref() { file } else { folder.join(path) };
         Some((name.display().to_string(), text))
     })
@@ -262,12 +278,12 @@ enum ScenarioFault {
     Diagnostic(Box<Diagnostic>),
 }
 
-fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap) -> Result<Scenario, ScenarioFault> {
+fn load_scenario(model: &Path, options: &LoadOptions, sources: &mut SourceMap, open: OpenTexts<'_>) -> Result<Scenario, ScenarioFault> {
     let Some(name) = options.scenario.as_deref().filter(|name| *name != "default") else {
         return Ok(Scenario::default());
     };
     let path = scenario::find_file(model, name);
-    let bytes = files::read(&path).map_err(|error| {
+    let bytes = open(&path).map_or_else(|| files::read(&path), |text| Ok(text.into_bytes())).map_err(|error| {
         let known = scenario::beside(model);
         let guess = suggest(name, known.iter().map(String::as_str)).map(|n| format!("did you mean `{n}`? "));
         let advice = format!("; {}scenarios of this model: {}", guess.unwrap_or_default(), known.join(", "));

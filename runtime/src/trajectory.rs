@@ -70,6 +70,30 @@ impl Table {
         Self { columns, cells: Vec::new(), texts: Vec::new() }
     }
 
+    /// Tables of runs one after another, with a first column that has the label of the run. Columns are those of the first table; a table that lacks
+    /// one has empty cells there.
+    #[must_use]
+    pub fn together(column: &str, tables: &[(&str, &Table)]) -> Self {
+        let columns: Vec<(String, Kind)> = tables.first().map_or_else(Vec::new, |(_, table)| table.columns.clone());
+        let mut out = Self::new([(column.to_owned(), Kind::Text)].into_iter().chain(columns.iter().cloned()).collect());
+        for (label, table) in tables {
+            let label = out.text(label);
+            let places: Vec<Option<usize>> = columns.iter().map(|(name, _)| table.columns.iter().position(|(n, _)| n == name)).collect();
+            for row in 0..table.len() {
+                let cells = table.row(row);
+                let kept: Vec<Cell> = places
+                    .iter()
+                    .map(|at| match at.map(|at| cells[at]) {
+                        Some(Cell::Text(_)) | None => Cell::Empty,
+                        Some(cell) => cell,
+                    })
+                    .collect();
+                out.push(std::iter::once(label).chain(kept));
+            }
+        }
+        out
+    }
+
     /// Names and kinds of the columns.
     #[must_use]
     pub fn columns(&self) -> &[(String, Kind)] {

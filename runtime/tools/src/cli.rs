@@ -12,6 +12,7 @@ mod explain;
 mod export;
 mod fit;
 mod import;
+mod live;
 mod lsp;
 mod new;
 mod outputs;
@@ -61,6 +62,8 @@ enum Command {
     Compile(compile::CompileArguments),
     /// Run one episode, or many
     Simulate(simulate::SimulateArguments),
+    /// Show a model in the browser while it is written
+    Live(live::LiveArguments),
     /// Draw tables of runs
     Plot(plot::PlotArguments),
     /// Find a steady state and describe it
@@ -175,6 +178,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Compile(arguments) => compile::run(&arguments),
         Command::Simulate(arguments) if arguments.is_many() => runs::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Live(arguments) => live::run(&arguments),
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),

@@ -9,6 +9,8 @@ pub mod cli;
 pub(crate) mod document;
 pub mod export;
 pub(crate) mod import;
+pub(crate) mod live;
 pub mod lsp;
 pub mod picture;
+pub(crate) mod policy;
 pub(crate) mod sweep;

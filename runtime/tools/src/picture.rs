@@ -29,6 +29,8 @@ pub use layout::Heading;
 pub use make::{NominalError, SavedError, nominal, of_tables};
 pub use plan::{Kind, PanelPlan, ShowError, plan, split_names};
 pub use run::{Follower, Followings, Run};
+pub(crate) use run::{Tracing, followed};
+pub(crate) use svg::escaped;
 
 use smpl_runtime::files::{WriteError, write_whole};
 use smpl_runtime::setup::Setup;

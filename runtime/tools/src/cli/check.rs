@@ -9,6 +9,7 @@ use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap, printab
 
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
+use crate::policy::Policy;
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded};
 use smpl_runtime::setup::Setup;
@@ -115,7 +116,7 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     let mut environment = Environment::new(setup)?;
     environment.watch_invariants()?;
     environment.reset(Some(0), &ResetOptions { start: Start::Nominal, hold_records: true, ..ResetOptions::default() })?;
-    let mut policy = super::simulate::nominal(&environment);
+    let mut policy = Policy::named("nominal", 0, environment.setup())?;
     let mut action = vec![0.0; environment.catalogue().actions.len()];
     while environment.is_running() {
         policy.choose(&mut environment, &mut action);

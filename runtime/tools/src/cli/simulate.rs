@@ -11,12 +11,11 @@ use super::excursion::Excursion;
 use super::plot::{self, Sketch};
 use super::report::{self, Failed};
 use super::{ModelArguments, outputs};
+use crate::policy::Policy;
 use crate::sweep::Sweep;
-use smpl_runtime::catalogue::UnknownName;
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput};
 use smpl_runtime::failure::{Short, beyond};
 use smpl_runtime::load::{LoadOptions, Loaded};
-use smpl_runtime::random::Stream;
 use smpl_runtime::setup::{Setup, method};
 use smpl_runtime::trajectory::{Between, Clock, Recorder, read_actions, read_disturbances, read_initial};
 
@@ -128,65 +127,6 @@ fn tolerance(text: &str) -> Result<f64, String> {
     match positive(text)? {
         x if (1e-15..1.0).contains(&x) => Ok(x),
         x => Err(format!("a relative tolerance lies between 1e-15 and 1, not {x}")),
-    }
-}
-
-/// Where actions come from.
-pub(super) enum Policy {
-    /// The actions' nominal values.
-    Nominal,
-    /// A program of the model.
-    Declared(usize),
-    /// Uniform in the action box.
-    Random(Stream),
-    /// A table.
-    Recorded(Vec<Vec<f64>>),
-}
-
-/// The model's policy `nominal`, else its nominal actions.
-pub(super) fn nominal(environment: &Environment) -> Policy {
-    declared(environment, "nominal").map_or(Policy::Nominal, Policy::Declared)
-}
-
-fn declared(environment: &Environment, name: &str) -> Option<usize> {
-    environment.setup().model().model().programs.policies.iter().position(|(n, _)| n == name)
-}
-
-impl Policy {
-    /// Number of steps that it has actions for, where it ends.
-    pub(super) fn length(&self) -> Option<u32> {
-        match self {
-            Policy::Recorded(rows) => Some(rows.len() as u32),
-            _ => None,
-        }
-    }
-
-    /// Writes the action of the coming step.
-    pub(super) fn choose(&mut self, environment: &mut Environment, action: &mut [f64]) {
-        let step = environment.steps();
-        match self {
-            Policy::Declared(index) => environment.policy(*index, action),
-            Policy::Recorded(rows) => {
-                if let Some(row) = rows.get(step as usize) {
-                    action.copy_from_slice(row);
-                }
-            }
-            Policy::Nominal => {
-                for (a, element) in action.iter_mut().zip(environment.catalogue().actions.elements()) {
-                    *a = element.default;
-                }
-            }
-            Policy::Random(stream) => {
-                for (i, (a, element)) in action.iter_mut().zip(environment.catalogue().actions.elements()).enumerate() {
-                    let u = stream.uniform(step, i as u32);
-                    *a = if (element.high - element.low).is_finite() {
-                        element.low + u * (element.high - element.low)
-                    } else {
-                        element.default
-                    };
-                }
-            }
-        }
     }
 }
 
@@ -321,19 +261,7 @@ impl SimulateArguments {
             let row = |step: usize| inputs.sequences.iter().map(|sequence| sequence[step]).collect();
             return Ok(Policy::Recorded((0..inputs.steps).map(row).collect()));
         }
-        match name {
-            "nominal" => Ok(nominal(environment)),
-            "random" => {
-                let key = smpl_runtime::random::EpisodeKey::seeded(seed);
-                Ok(Policy::Random(Stream::new(key, "policy:random")))
-            }
-            name => declared(environment, name).map(Policy::Declared).ok_or_else(|| {
-                let policies = &environment.setup().model().model().programs.policies;
-                let declared = policies.iter().map(|(n, _)| n.as_str()).filter(|n| *n != "nominal");
-                let known = ["nominal", "random"].into_iter().chain(declared);
-                UnknownName::new("policy", name, known).into()
-            }),
-        }
+        Ok(Policy::named(name, seed, environment.setup())?)
     }
 
     /// Warns, once, of a recorded input that changes within a step.

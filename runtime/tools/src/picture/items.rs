@@ -63,7 +63,7 @@ pub struct Member {
     /// Its set-point, where it has one.
     pub target: Option<f64>,
     /// Where its values come from within steps.
-    pub(super) source: Option<Followed>,
+    pub(crate) source: Option<Followed>,
 }
 
 /// An index of a quantity.
@@ -313,7 +313,7 @@ fn indices(members: &[Member]) -> Vec<Index> {
 }
 
 /// `col[1].c` of `col[1].c[tropine,3]`.
-pub(super) fn base(name: &str) -> &str {
+pub(crate) fn base(name: &str) -> &str {
     name.strip_suffix(']').and_then(|rest| rest.rsplit_once('[')).map_or(name, |(base, _)| base)
 }
 

@@ -164,11 +164,13 @@ pub struct Followings {
     phases: Vec<(f64, usize)>,
 }
 
-/// Goes along with an environment, step by step, and looks at what happens within steps. The environment's own results are not touched: steps
-/// are taken twice.
-pub struct Follower {
-    shadow: Environment,
-    columns: Vec<String>,
+/// What is followed within steps, and at how many points.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tracing {
+    /// Columns of the curves.
+    pub(crate) columns: Vec<String>,
+    sources: Vec<Followed>,
+    points: u32,
     /// The number of the phase is followed too, last.
     has_phase: bool,
 }
@@ -180,34 +182,58 @@ const MOST_POINTS: u32 = 40;
 /// Fields of more cells are drawn as they are at the ends of steps.
 const MOST_FOLLOWED: usize = 2000;
 
+impl Tracing {
+    /// For a run of `steps` steps; `None` where steps are short enough and nothing happens within.
+    pub(crate) fn new(setup: &Setup, wanted: impl Iterator<Item = (String, Followed)>, steps: u32) -> Option<Self> {
+        let points = (POINTS / steps.max(1)).clamp(1, MOST_POINTS);
+        if points == 1 && setup.model().roots_info().is_empty() {
+            return None;
+        }
+        let mut known = std::collections::HashSet::new();
+        let (columns, mut sources): (Vec<String>, Vec<Followed>) = wanted.filter(|(column, _)| known.insert(column.clone())).unzip();
+        sources.extend(setup.phase.map(Followed::Discrete));
+        Some(Self { columns, sources, points, has_phase: setup.phase.is_some() })
+    }
+
+    /// Makes an environment note these numbers.
+    pub(crate) fn begin(&self, environment: &mut Environment) {
+        environment.trace(self.sources.clone(), self.points);
+    }
+
+    /// The curve of a column, and the numbers of the phase after all columns.
+    pub(crate) fn curve(&self, trace: &Trace, at: usize) -> Vec<f64> {
+        trace.values.iter().skip(at).step_by(self.sources.len().max(1)).copied().collect()
+    }
+
+    /// What was seen.
+    pub(crate) fn followings(&self, setup: &Setup, trace: &Trace) -> Followings {
+        let (interface, roots) = (setup.model().interface(), setup.model().roots_info());
+        let named = trace.events.iter().filter_map(|(t, root)| Some((*t, roots.get(*root)?.name.clone())));
+        let events = named.filter(|(_, name)| !interface.phases.contains(name)).collect();
+        let phases = if self.has_phase { phases_of(&trace.times, &self.curve(trace, self.columns.len())) } else { Vec::new() };
+        let curves = self.columns.iter().enumerate().map(|(i, name)| (name.clone(), self.curve(trace, i))).collect();
+        Followings { curves: Dense { curves, times: trace.times.clone() }, events, phases }
+    }
+}
+
+/// Goes along with an environment, step by step, and looks at what happens within steps. The environment's own results are not touched: steps
+/// are taken twice.
+pub struct Follower {
+    shadow: Environment,
+    tracing: Tracing,
+}
+
 impl Follower {
     /// For an environment of `setup` and a run of `steps` steps; `None` where steps are short enough and nothing happens within.
     ///
     /// # Errors
     /// If the solver refuses the system, which it has accepted before.
     pub fn new(setup: &std::sync::Arc<Setup>, panels: &[PanelPlan], steps: u32) -> Result<Option<Self>, SetupError> {
-        let points = (POINTS / steps.max(1)).clamp(1, MOST_POINTS);
-        if points == 1 && setup.model().roots_info().is_empty() {
-            return Ok(None);
-        }
-        let lines = panels.iter().flat_map(|panel| match &panel.kind {
-            Kind::Lines(lines) => lines.as_slice(),
-            _ => &[],
-        });
-        let fields = panels.iter().filter_map(|panel| match &panel.kind {
-            Kind::Map(cells) if cells.len() <= MOST_FOLLOWED => Some(cells),
-            _ => None,
-        });
-        let members = lines.map(|line| &line.member).chain(fields.flatten());
-        let mut known = std::collections::HashSet::new();
-        let followed = members.filter_map(|member| Some((member.column.clone(), member.source?)));
-        let followed = followed.filter(|(column, _)| known.insert(column.clone()));
-        let phase = setup.phase.map(|at| (String::new(), Followed::Discrete(at)));
-        let (columns, sources): (Vec<String>, Vec<Followed>) = followed.chain(phase).unzip();
+        let Some(tracing) = Tracing::new(setup, followed(panels), steps) else { return Ok(None) };
         let mut shadow = Environment::new(std::sync::Arc::clone(setup))?;
         shadow.set_keep_going(true);
-        shadow.trace(sources, points);
-        Ok(Some(Self { shadow, columns, has_phase: setup.phase.is_some() }))
+        tracing.begin(&mut shadow);
+        Ok(Some(Self { shadow, tracing }))
     }
 
     /// To be called before the environment takes a step with `action`.
@@ -225,23 +251,28 @@ impl Follower {
     #[must_use]
     pub fn finish(mut self) -> Followings {
         let trace = self.shadow.take_trace().unwrap_or_default();
-        let interface = self.shadow.setup().model().interface();
-        let roots = self.shadow.setup().model().roots_info();
-        let named = trace.events.iter().filter_map(|(t, root)| Some((*t, roots.get(*root)?.name.clone())));
-        let events = named.filter(|(_, name)| !interface.phases.contains(name)).collect();
-        let phases = if self.has_phase { phases_of(&trace, self.columns.len()) } else { Vec::new() };
-        let width = self.columns.len();
-        let curve = |i: usize| trace.values.iter().skip(i).step_by(width).copied().collect();
-        let curves = self.columns.iter().enumerate().map(|(i, name)| (name.clone(), curve(i))).collect();
-        Followings { curves: Dense { curves, times: trace.times }, events, phases }
+        self.tracing.followings(self.shadow.setup(), &trace)
     }
 }
 
-/// Beginnings of phases, whose number is the last of those that are followed.
-fn phases_of(trace: &Trace, width: usize) -> Vec<(f64, usize)> {
-    let numbers = trace.values.iter().skip(width - 1).step_by(width);
+/// The columns of panels that have values within steps.
+pub(crate) fn followed(panels: &[PanelPlan]) -> impl Iterator<Item = (String, Followed)> + '_ {
+    let lines = panels.iter().flat_map(|panel| match &panel.kind {
+        Kind::Lines(lines) => lines.as_slice(),
+        _ => &[],
+    });
+    let fields = panels.iter().filter_map(|panel| match &panel.kind {
+        Kind::Map(cells) if cells.len() <= MOST_FOLLOWED => Some(cells),
+        _ => None,
+    });
+    let members = lines.map(|line| &line.member).chain(fields.flatten());
+    members.filter_map(|member| Some((member.column.clone(), member.source?)))
+}
+
+/// Beginnings of phases, by their numbers at times.
+fn phases_of(times: &[f64], numbers: &[f64]) -> Vec<(f64, usize)> {
     let mut phases: Vec<(f64, usize)> = Vec::new();
-    for (t, number) in trace.times.iter().zip(numbers).filter(|(_, number)| **number >= 1.0) {
+    for (t, number) in times.iter().zip(numbers).filter(|(_, number)| **number >= 1.0) {
         let number = *number as usize - 1;
         if phases.last().is_none_or(|(_, last)| *last != number) {
             phases.push((*t, number));

@@ -128,7 +128,7 @@ pub(super) fn hex(colour: Colour) -> String {
 }
 
 /// Text within an element or an attribute. Characters that XML does not know are left out.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
