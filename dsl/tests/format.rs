@@ -97,6 +97,14 @@ fn nonnegative_states_have_a_column_after_bounds_and_scale() {
 }
 
 #[test]
+fn units_that_end_in_a_percent_sign_stay_whole() {
+    let text = "param a : mol% = 2\nstate x : wt%/h = 3 [vol%/min]\n";
+    check(text);
+    let laid_out = format(text).expect("a layout");
+    assert!(["mol%", "wt%/h", "vol%/min"].iter().all(|unit| laid_out.contains(unit)), "{laid_out}");
+}
+
+#[test]
 fn an_observation_may_begin_with_a_sign() {
     for text in ["observe -x noise normal(0, 1), y = x in 0..2\n", "observe - x noise normal(0, 1), y = x in 0..2\n"] {
         assert_eq!(format(text).as_deref(), Ok("observe -x noise normal(0, 1), y = x in 0..2\n"));

@@ -222,10 +222,10 @@ impl Batch {
         let width = self.observation_len();
         length("observations", observations.len(), n * width)?;
         self.begin()?;
-        let (options, stop, size, width) = (&self.options, &*self.stop, self.size, width.max(1));
+        let (options, stop, size) = (&self.options, &*self.stop, self.size);
         let task = |(number, (crew, out)): (usize, (&mut Crew, &mut [T]))| {
             let Crew { integrator, members } = crew;
-            for ((index, member), out) in (number * size..).zip(members).zip(out.chunks_exact_mut(width)) {
+            for ((index, member), out) in (number * size..).zip(members).zip(Parts::of(out, width)) {
                 if mask.is_none_or(|mask| mask[index]) && !stop.load(Ordering::Relaxed) {
                     member.reset(seeds.map(|s| s[index]), &options.reset, integrator);
                     member.pass_on(stop);
@@ -234,11 +234,11 @@ impl Batch {
             }
         };
         let crews = &mut self.crews;
-        match &self.pool {
+        match self.pool.as_ref().filter(|_| width > 0) {
             Some(pool) => pool.run(stop, || {
                 crews.par_iter_mut().zip(observations.par_chunks_mut(size * width)).enumerate().for_each(task);
             }),
-            None => crews.iter_mut().zip(observations.chunks_mut(size * width)).enumerate().for_each(task),
+            None => crews.iter_mut().zip(Parts::of(observations, size * width)).enumerate().for_each(task),
         }
         self.finish()
     }
@@ -250,7 +250,7 @@ impl Batch {
     pub fn policy(&mut self, index: usize, actions: &mut [f64]) -> Result<(), BatchError> {
         let inputs = self.action_len();
         length("actions", actions.len(), self.count * inputs)?;
-        for (member, out) in self.members_mut().zip(actions.chunks_exact_mut(inputs.max(1))) {
+        for (member, out) in self.members_mut().zip(Parts::of(actions, inputs)) {
             member.environment.policy(index, out);
         }
         Ok(())
@@ -277,12 +277,12 @@ impl Batch {
         length("truncated", arrays.truncated.len(), n)?;
         self.check(actions, inputs)?;
         self.begin()?;
-        let (options, stop, size, width) = (&self.options, &*self.stop, self.size, width.max(1));
+        let (options, stop, size) = (&self.options, &*self.stop, self.size);
         let crews = &mut self.crews;
         let StepArrays { observations, rewards, terminated, truncated } = arrays;
         let task = |((((number, crew), out), rewards), (terminated, truncated)): Slot<'_, T>| {
             let flags = terminated.iter_mut().zip(truncated);
-            let slots = out.chunks_exact_mut(width).zip(rewards).zip(flags);
+            let slots = Parts::of(out, width).zip(rewards).zip(flags);
             for ((index, member), ((out, reward), (terminated, truncated))) in (number * size..).zip(&mut crew.members).zip(slots) {
                 if stop.load(Ordering::Relaxed) {
                     return;
@@ -293,7 +293,7 @@ impl Batch {
                 member.environment.observe(options.normalised, out);
             }
         };
-        let parallel = self.pool.as_ref().filter(|_| self.pace.chooses_threads());
+        let parallel = self.pool.as_ref().filter(|_| width > 0 && self.pace.chooses_threads());
         let begin = Instant::now();
         match parallel {
             Some(pool) => pool.run(stop, || {
@@ -308,7 +308,7 @@ impl Batch {
             None => crews
                 .iter_mut()
                 .enumerate()
-                .zip(observations.chunks_mut(size * width))
+                .zip(Parts::of(observations, size * width))
                 .zip(rewards.chunks_mut(size))
                 .zip(terminated.chunks_mut(size).zip(truncated.chunks_mut(size)))
                 .for_each(task),
@@ -375,4 +375,27 @@ type Slot<'a, T> = ((((usize, &'a mut Crew), &'a mut [T]), &'a mut [f64]), (&'a 
 
 fn length(name: &'static str, given: usize, expected: usize) -> Result<(), BatchError> {
     if given == expected { Ok(()) } else { Err(BatchError::Length { name, given, expected }) }
+}
+
+/// Parts of an array, one after another: as many entries each as there are of a thing, which may be none. The parts beyond the end are empty.
+struct Parts<'a, T> {
+    rest: &'a mut [T],
+    size: usize,
+}
+
+impl<'a, T> Parts<'a, T> {
+    fn of(array: &'a mut [T], size: usize) -> Self {
+        Self { rest: array, size }
+    }
+}
+
+impl<'a, T> Iterator for Parts<'a, T> {
+    type Item = &'a mut [T];
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let rest = std::mem::take(&mut self.rest);
+        let (part, rest) = rest.split_at_mut(self.size.min(rest.len()));
+        self.rest = rest;
+        Some(part)
+    }
 }

@@ -202,3 +202,25 @@ def test_the_number_of_steps_can_be_given_under_both_names():
     vector = smpl.make_vec("reactor", 2, max_steps=1)
     vector.reset(seed=0)
     assert vector.step(np.zeros((2, 2)))[3].all()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_model_that_observes_nothing_is_reset_and_stepped(threads):
+    # x' = u - x from 1 with u = 0: the sum of x over three steps of 0.5 is e^-0.5 + e^-1 + e^-1.5.
+    source = """
+    time t : 1
+    action u = 0 in 0..1
+    state x = 1 in 0..2
+    eq d/dt x = u - x
+    reward r = x
+    episode { step = 0.5, max_steps = 3 }
+    """
+    envs = smpl.VectorEnv(smpl.compile(source=source), 5, threads=threads)
+    observations, _ = envs.reset(seed=1)
+    assert observations.shape == (5, 0)
+    total = 0
+    for _ in range(3):
+        _, rewards, _, truncated, _ = envs.step(np.zeros((5, 1), dtype=np.float32))
+        total = total + rewards
+    assert truncated.all()
+    np.testing.assert_allclose(total, np.exp(-0.5) + np.exp(-1) + np.exp(-1.5), rtol=1e-6)

@@ -68,7 +68,9 @@ fn measure(text: &str) -> (usize, Kind) {
         // A degree sign begins a unit.
         '\u{b0}' => (text[2..].find(|c: char| !c.is_ascii_alphanumeric()).map_or(text.len(), |end| end + 2), Kind::Word),
         _ if first.is_ascii_alphabetic() || first == '_' => {
-            (text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len()), Kind::Word)
+            let end = text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len());
+            // `mol%` is a unit of its own; a blank in between makes it another.
+            (end + usize::from(text[end..].starts_with('%')), Kind::Word)
         }
         _ => (PAIRS.iter().find(|pair| text.starts_with(**pair)).map_or(first.len_utf8(), |pair| pair.len()), Kind::Symbol),
     }
