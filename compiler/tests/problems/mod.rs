@@ -43,6 +43,7 @@ impl Maker {
             scale: vec![1.0],
             affine_unit: false,
             structural: false,
+            nonnegative: false,
         };
         if role == Role::Action {
             self.model.interface.quantities.actions.push(quantity);
