@@ -22,7 +22,7 @@ use smpl_compiler::read::{Read, read};
 use smpl_dsl::diagnostic::SourceMap;
 use smpl_dsl::syntax::File;
 
-pub(crate) use equations::{Typeset, latex, typeset};
+pub(crate) use equations::latex;
 pub(crate) use flowsheet::flowsheet;
 
 use markdown::prose;

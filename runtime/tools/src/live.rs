@@ -25,7 +25,6 @@ mod script;
 mod settings;
 mod steady;
 mod structure;
-mod texts;
 mod uri;
 mod wire;
 

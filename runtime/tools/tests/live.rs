@@ -156,7 +156,10 @@ fn controls_have_values_bounds_units_and_places() {
     let mut page = live.page();
     let model = page.result("smpl/model", json!({"uri": uri(&file)}));
     let k = &model["parameters"][0];
-    assert_eq!((&k["name"], &k["unit"], &k["value"], &k["low"], &k["high"]), (&json!("k"), &json!("1/s"), &json!(0.5), &json!(0.0), &json!(4.0)));
+    assert_eq!(
+        (&k["name"], &k["unit"], &k["value"], &k["low"], &k["high"]),
+        (&json!("k"), &json!("1/s"), &json!(0.5), &json!(0.0), &json!(4.0))
+    );
     assert_eq!((&k["slider"]["low"], &k["slider"]["high"]), (&json!(0.0), &json!(4.0)));
     assert_eq!(k["range"]["start"]["line"], 2);
     // No bounds: half of the value around it.
@@ -358,7 +361,8 @@ fn nonsense_and_floods_harm_nobody() {
         }
     }
     assert_eq!(good.call("smpl/nothing", json!({})).expect_err("unknown").0, -32601);
-    let ids: Vec<i32> = (0..300).map(|i| good.ask("smpl/run", json!({"uri": uri(&file), "settings": {}, "channel": format!("{i}")}))).collect();
+    let ids: Vec<i32> =
+        (0..300).map(|i| good.ask("smpl/run", json!({"uri": uri(&file), "settings": {}, "channel": format!("{i}")}))).collect();
     let answers: Vec<bool> = ids.into_iter().map(|id| good.answer(id).is_ok()).collect();
     assert!(answers.contains(&true));
     // Values that no model takes.
@@ -492,7 +496,10 @@ fn what_is_exported_reproduces_the_run() {
     let mut page = live.page();
     let settings = json!({"parameters": {"k": 1}, "initial": {"x": 3}, "steps": 4, "seed": 7});
     let mut export = |format: &str, settings: &Value| {
-        page.result("smpl/export", json!({"uri": uri(&file), "format": format, "settings": settings, "mathml": ["<math><mi>x</mi></math>"]}))
+        page.result(
+            "smpl/export",
+            json!({"uri": uri(&file), "format": format, "settings": settings, "mathml": ["<math><mi>x</mi></math>"]}),
+        )
     };
     let csv = export("csv", &settings)["text"].as_str().expect("text").to_owned();
     let yaml = export("yaml", &settings)["text"].as_str().expect("text").to_owned();

@@ -1,68 +1,39 @@
 //! What defines the quantities of a file, typeset: equations, named expressions, functions, fluxes.
 
 use smpl_dsl::latex;
-use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Role, Statement, StatementKind};
-
-/// A display: an equation, a definition, or the name of the block that those after it belong to.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Typeset {
-    /// Mathematics in LaTeX.
-    pub latex: String,
-    /// `equation`, `let`, `def`, `flux` or `heading`.
-    pub kind: &'static str,
-    /// Name of what is defined, or of the block; empty for an equation.
-    pub name: String,
-    /// Its place.
-    pub span: Span,
-}
 
 /// The equations of a file and of its components in LaTeX, one display a line.
 #[must_use]
 pub(crate) fn latex(file: &File) -> String {
-    typeset(file).into_iter().map(|entry| entry.latex + "\n").collect()
+    let mut lines = Vec::new();
+    collect(&file.statements, &mut lines);
+    lines.into_iter().map(|line| line + "\n").collect()
 }
 
-/// The equations of a file and of its components, with their places.
-#[must_use]
-pub(crate) fn typeset(file: &File) -> Vec<Typeset> {
-    let mut entries = Vec::new();
-    collect(&file.statements, &mut entries);
-    entries
-}
-
-fn collect(statements: &[Statement], entries: &mut Vec<Typeset>) {
+fn collect(statements: &[Statement], lines: &mut Vec<String>) {
     for statement in statements {
-        let entry = |latex, kind, name: &str| Typeset { latex, kind, name: name.to_owned(), span: statement.span };
         match &statement.kind {
-            StatementKind::Equation { lhs, rhs, binders } => entries.push(entry(latex::equation(lhs, rhs, binders), "equation", "")),
-            StatementKind::Declare { role: Role::Let, declarations } => {
-                let lets = declarations.iter().filter_map(|d| Some(Typeset { span: d.span, ..entry(definition(d)?, "let", &d.name.text) }));
-                entries.extend(lets);
-            }
-            StatementKind::Def { name, parameters, body } => {
-                entries.push(entry(function(name, parameters, body), "def", &name.text));
-            }
-            StatementKind::Flux(flux) => {
-                entries.extend(flux_at_faces(flux).into_iter().map(|latex| entry(latex, "flux", &flux.name.text)));
-            }
-            StatementKind::Component { name, body, .. } => group(statement.span, "component", &name.text, body, entries),
-            StatementKind::Variant { name, body, .. } => group(statement.span, "variant", &name.text, body, entries),
-            StatementKind::When { choice, option, body } => group(statement.span, &choice.text, &option.text, body, entries),
+            StatementKind::Equation { lhs, rhs, binders } => lines.push(latex::equation(lhs, rhs, binders)),
+            StatementKind::Declare { role: Role::Let, declarations } => lines.extend(declarations.iter().filter_map(definition)),
+            StatementKind::Def { name, parameters, body } => lines.push(function(name, parameters, body)),
+            StatementKind::Flux(flux) => lines.extend(flux_at_faces(flux)),
+            StatementKind::Component { name, body, .. } => group("component", &name.text, body, lines),
+            StatementKind::Variant { name, body, .. } => group("variant", &name.text, body, lines),
+            StatementKind::When { choice, option, body } => group(&choice.text, &option.text, body, lines),
             _ => {}
         }
     }
 }
 
 /// The equations of a block under its name; nothing where it has none.
-fn group(span: Span, kind: &str, name: &str, body: &[Statement], entries: &mut Vec<Typeset>) {
+fn group(kind: &str, name: &str, body: &[Statement], lines: &mut Vec<String>) {
     let mut inner = Vec::new();
     collect(body, &mut inner);
     if !inner.is_empty() {
-        let title = format!("{kind} {name}");
-        let latex = format!("\\textbf{{{}}}", title.replace('_', "\\_"));
-        entries.push(Typeset { latex, kind: "heading", name: title, span });
-        entries.append(&mut inner);
+        let title = format!("{kind} {name}").replace('_', "\\_");
+        lines.push(format!("\\textbf{{{title}}}"));
+        lines.append(&mut inner);
     }
 }
 

@@ -4,6 +4,7 @@ use std::io;
 use std::net::TcpStream;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,9 +18,10 @@ use super::models::{Found, Models};
 use super::outbox::{Outbox, Wire};
 use super::run::Benches;
 use super::settings::Settings;
-use super::texts::{Change, Texts};
-use super::wire::{Answer, Fault, Kind, answer, message_of, notification, parameters};
+use super::uri::uri_of;
+use super::wire::{Answer, Fault, Kind, answer, notification, parameters};
 use super::{describe, equations, export, run, steady, structure};
+use crate::lsp::{OpenTexts, Session, SessionOptions, parse_message};
 
 /// Time between two looks at the files.
 const LOOK: Duration = Duration::from_secs(1);
@@ -30,11 +32,12 @@ const REPORTS: Duration = Duration::from_millis(100);
 const MOST_NONSENSE: usize = 100;
 /// Address space of the stack of a thread that compiles.
 const STACK: usize = 64 << 20;
+const SMALL_STACK: usize = 1 << 20;
 
 /// What the threads of a connection share.
 struct Page {
     folder: Folder,
-    texts: Texts,
+    texts: Arc<OpenTexts>,
     models: Models,
     outbox: Outbox,
     /// Runs and steady states.
@@ -60,9 +63,12 @@ pub(crate) fn serve(stream: TcpStream, read: Vec<u8>, folder: Folder) -> io::Res
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(LOOK))?;
     let (reader, writer) = Wire::pair(stream)?;
+    let (out, messages) = channel();
+    let within = Some(folder.root.clone());
+    let session = Session::new(out, SessionOptions { library: folder.library.clone(), within, ..SessionOptions::default() });
     let page = Arc::new(Page {
         folder,
-        texts: Texts::default(),
+        texts: session.texts(),
         models: Models::default(),
         outbox: Outbox::default(),
         compute: Lane::default(),
@@ -70,14 +76,18 @@ pub(crate) fn serve(stream: TcpStream, read: Vec<u8>, folder: Folder) -> io::Res
         watch: Mutex::default(),
     });
     std::thread::scope(|scope| {
+        let start = |name: &str, stack: usize| std::thread::Builder::new().name(name.into()).stack_size(stack);
         let threads = [
-            std::thread::Builder::new().name("live write".into()).spawn_scoped(scope, || page.outbox.write_to(writer)),
-            std::thread::Builder::new().name("live run".into()).stack_size(STACK).spawn_scoped(scope, || page.compute_lane()),
-            std::thread::Builder::new().name("live describe".into()).stack_size(STACK).spawn_scoped(scope, || page.describe_lane()),
+            start("live write", SMALL_STACK).spawn_scoped(scope, || page.outbox.write_to(writer)),
+            start("live language", SMALL_STACK).spawn_scoped(scope, || messages.into_iter().for_each(|message| page.outbox.send(&message))),
+            start("live run", STACK).spawn_scoped(scope, || page.compute_lane()),
+            start("live describe", STACK).spawn_scoped(scope, || page.describe_lane()),
         ];
         let started = threads.into_iter().collect::<io::Result<Vec<_>>>().map(drop);
         if started.is_ok() {
-            page.read_from(reader, read);
+            Reader { page: &page, session }.read_from(reader, read);
+        } else {
+            drop(session);
         }
         page.outbox.close();
         page.compute.close();
@@ -86,13 +96,22 @@ pub(crate) fn serve(stream: TcpStream, read: Vec<u8>, folder: Folder) -> io::Res
     })
 }
 
-impl Page {
-    fn read_from(&self, reader: Wire, read: Vec<u8>) {
+/// What the page sends, message after message, in their order.
+struct Reader<'p> {
+    page: &'p Page,
+    session: Session,
+}
+
+impl Reader<'_> {
+    fn read_from(&mut self, reader: Wire, read: Vec<u8>) {
         let mut socket = reader.socket(read);
         let (mut looked, mut nonsense) = (Instant::now(), 0);
         while nonsense < MOST_NONSENSE {
             match socket.read() {
-                Ok(tungstenite::Message::Text(text)) => nonsense += usize::from(!self.take(text.as_str())),
+                Ok(tungstenite::Message::Text(text)) => match parse_message(text.as_str()) {
+                    Ok(message) => self.take(message),
+                    Err(_) => nonsense += 1,
+                },
                 Ok(tungstenite::Message::Binary(_)) => nonsense += 1,
                 Ok(tungstenite::Message::Close(_)) => break,
                 Ok(_) => {}
@@ -101,7 +120,7 @@ impl Page {
             }
             if looked.elapsed() >= LOOK {
                 looked = Instant::now();
-                self.look_at_files();
+                self.page.look_at_files();
             }
         }
         let _ = socket.close(None);
@@ -109,6 +128,30 @@ impl Page {
         let _ = socket.get_ref().stream().shutdown(std::net::Shutdown::Both);
     }
 
+    /// Requests of the page are answered here, all else by the session of the language server, if it is about files that the page may see.
+    fn take(&mut self, message: Message) {
+        match message {
+            Message::Request(request) if request.method.starts_with("smpl/") => self.page.request(request),
+            Message::Request(mut request) => match self.page.permitted(&request.method, &mut request.params) {
+                Ok(()) => drop(self.session.handle(Message::Request(request))),
+                Err(fault) => self.page.outbox.send(&answer(request.id, Err(fault))),
+            },
+            Message::Notification(message) if message.method == "exit" => {}
+            Message::Notification(mut message) => match self.page.permitted(&message.method, &mut message.params) {
+                Ok(()) => {
+                    self.page.notified(&message);
+                    self.session.handle(Message::Notification(message));
+                }
+                Err(fault) => {
+                    self.page.outbox.send(&notification("window/showMessage", json!({"type": 1, "message": fault.message})));
+                }
+            },
+            Message::Response(_) => {}
+        }
+    }
+}
+
+impl Page {
     fn look_at_files(&self) {
         let changes = self.watch.lock().unwrap_or_else(PoisonError::into_inner).changes();
         for change in changes {
@@ -116,15 +159,25 @@ impl Page {
         }
     }
 
-    /// Takes a frame; `false` if it is not a message.
-    fn take(&self, text: &str) -> bool {
-        match message_of(text) {
-            Some(Message::Request(request)) => self.request(request),
-            Some(Message::Notification(notification)) => self.notified(notification),
-            Some(Message::Response(_)) => {}
-            None => return false,
+    /// Lets a message to the language server through, with the opened folder as its workspace.
+    ///
+    /// # Errors
+    /// A file outside of the folder, or a text that is too large.
+    fn permitted(&self, method: &str, params: &mut Value) -> Result<(), Fault> {
+        if method == "initialize" && params.is_object() {
+            let root = uri_of(&self.folder.root);
+            params["workspaceFolders"] = json!([{"uri": root, "name": "opened"}]);
+            params["rootUri"] = root.into();
         }
-        true
+        let size = |text: &Value| text.as_str().map_or(0, str::len);
+        let changes = params["contentChanges"].as_array().map_or(0, |changes| changes.iter().map(|change| size(&change["text"])).sum());
+        if size(&params["textDocument"]["text"]).max(changes) > MOST_BYTES {
+            return Err(too_large());
+        }
+        match params["textDocument"]["uri"].as_str() {
+            Some(uri) => self.folder.allowed(uri).map(drop),
+            None => Ok(()),
+        }
     }
 
     fn request(&self, request: Request) {
@@ -137,7 +190,7 @@ impl Page {
                 return self.outbox.send(&answer(id, result));
             }
         };
-        let channel = channel(&method, &params);
+        let channel = channel_of(&method, &params);
         for (id, fault) in lane.push(Job { id, method, params, channel, stop: Stop::new() }) {
             self.outbox.send(&answer(id, Err(fault)));
         }
@@ -169,12 +222,17 @@ impl Page {
         }
     }
 
-    fn notified(&self, message: Notification) {
+    /// Takes note of what concerns this side too: cancelled requests, and files to watch.
+    fn notified(&self, message: &Notification) {
         if message.method == "$/cancelRequest" {
             return self.cancel(&message.params);
         }
-        if let Err(fault) = self.document(message) {
-            self.outbox.send(&notification("window/showMessage", json!({"type": 1, "message": fault.message})));
+        let Some(allowed) = message.params["textDocument"]["uri"].as_str().and_then(|uri| self.folder.allowed(uri).ok()) else { return };
+        let mut watch = self.watch.lock().unwrap_or_else(PoisonError::into_inner);
+        match message.method.as_str() {
+            "textDocument/didOpen" => watch.open(&allowed.path),
+            "textDocument/didClose" => watch.close(&allowed.path),
+            _ => {}
         }
     }
 
@@ -189,46 +247,6 @@ impl Page {
                 self.outbox.send(&answer(id.clone(), Err(Fault::new(Kind::Cancelled, "cancelled"))));
             }
         }
-    }
-
-    /// Texts that are opened, changed and closed.
-    fn document(&self, message: Notification) -> Result<(), Fault> {
-        #[derive(Deserialize)]
-        struct Document {
-            uri: String,
-            #[serde(default)]
-            version: i32,
-            text: Option<String>,
-        }
-        #[derive(Deserialize)]
-        #[serde(rename_all = "camelCase")]
-        struct Changed {
-            text_document: Document,
-            #[serde(default)]
-            content_changes: Vec<Change>,
-        }
-        if !message.method.starts_with("textDocument/did") {
-            return Ok(());
-        }
-        let Changed { text_document: Document { uri, version, text }, content_changes } = parameters(message.params)?;
-        let path = self.folder.allowed(&uri)?.path;
-        match message.method.as_str() {
-            "textDocument/didOpen" => {
-                let text = text.unwrap_or_default();
-                if text.len() > MOST_BYTES {
-                    return Err(too_large());
-                }
-                self.watch.lock().unwrap_or_else(PoisonError::into_inner).open(&path);
-                self.texts.open(&path, version, &text);
-            }
-            "textDocument/didChange" => self.texts.change(&path, version, content_changes),
-            "textDocument/didClose" => {
-                self.watch.lock().unwrap_or_else(PoisonError::into_inner).close(&path);
-                self.texts.close(&path);
-            }
-            _ => {}
-        }
-        Ok(())
     }
 
     fn compute_lane(&self) {
@@ -250,7 +268,7 @@ impl Page {
     }
 
     fn path(&self, uri: &str) -> Result<PathBuf, Fault> {
-        Ok(self.folder.allowed(uri)?.path)
+        Ok(self.folder.allowed(uri)?.asked)
     }
 
     fn compute(&self, job: &Job, benches: &mut Benches) -> Answer {
@@ -290,7 +308,7 @@ impl Page {
 }
 
 /// The channel of a request: one of runs by its name, one for each other kind of request.
-fn channel(method: &str, params: &Value) -> Option<String> {
+fn channel_of(method: &str, params: &Value) -> Option<String> {
     match method {
         "smpl/run" => Some(format!("run {}", params["channel"].as_str().unwrap_or("main"))),
         "smpl/export" => None,

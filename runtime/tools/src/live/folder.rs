@@ -39,6 +39,8 @@ pub(crate) struct Folder {
 pub(crate) struct Allowed {
     /// Its path without links; the last part may not exist.
     pub(crate) path: PathBuf,
+    /// The path as the page gives it, by which open texts are known.
+    pub(crate) asked: PathBuf,
     /// It must not be written.
     pub(crate) read_only: bool,
 }
@@ -56,10 +58,10 @@ impl Folder {
         }
         let path = plain(&asked).ok_or_else(refused)?;
         if path.starts_with(&self.root) || self.opened.as_ref() == Some(&path) || self.recent.contains(&path) {
-            return Ok(Allowed { path, read_only: false });
+            return Ok(Allowed { path, asked, read_only: false });
         }
         let in_library = self.library.as_ref().is_some_and(|library| path.starts_with(library));
-        if in_library { Ok(Allowed { path, read_only: true }) } else { Err(refused()) }
+        if in_library { Ok(Allowed { path, asked, read_only: true }) } else { Err(refused()) }
     }
 
     /// The text of a file with its digest.
@@ -67,7 +69,7 @@ impl Folder {
     /// # Errors
     /// The page may not see it, or it cannot be read.
     pub(crate) fn read(&self, uri: &str) -> Answer {
-        let Allowed { path, read_only } = self.allowed(uri)?;
+        let Allowed { path, read_only, .. } = self.allowed(uri)?;
         let (text, digest) = content(&path)?;
         if !read_only {
             recent::note(&path);
@@ -81,7 +83,7 @@ impl Folder {
     /// # Errors
     /// [`Kind::Conflict`], a path that may not be written, or a failure to write.
     pub(crate) fn save(&self, uri: &str, text: &str, digest: Option<&str>, force: bool) -> Answer {
-        let Allowed { path, read_only } = self.allowed(uri)?;
+        let Allowed { path, read_only, .. } = self.allowed(uri)?;
         if read_only {
             return Err(Fault::new(Kind::Forbidden, "a shipped model is read only; save it under another name in the opened folder"));
         }

@@ -12,8 +12,8 @@ use smpl_runtime::scenario;
 use smpl_runtime::setup::{EnvironmentOptions, Setup, SetupError};
 
 use super::settings::Settings;
-use super::texts::Texts;
 use super::wire::{Fault, Kind};
+use crate::lsp::OpenTexts as Texts;
 
 /// Most models that are kept.
 const MOST: usize = 24;
@@ -69,7 +69,7 @@ impl Models {
     /// [`Kind::Invalid`] with the diagnostics where there was never a valid text.
     pub(crate) fn find(&self, path: &Path, settings: &Settings, texts: &Texts) -> Result<Found, Fault> {
         check_scenario(path, settings)?;
-        let now = |path: &Path| texts.text(path);
+        let now = |path: &Path| texts.text(path).map(|text| text.to_string());
         match self.with_structural(path, settings, &now, texts.version(path)) {
             Ok(compiled) => {
                 self.keep_valid(&compiled);

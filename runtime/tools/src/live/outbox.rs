@@ -9,7 +9,7 @@ use std::time::Duration;
 use lsp_server::Message;
 use tungstenite::protocol::{Role, WebSocket, WebSocketConfig};
 
-use super::wire::text_of;
+use crate::lsp::write_message;
 
 /// Most bytes of a frame of the page.
 pub(crate) const MOST_BYTES: usize = 16 << 20;
@@ -89,7 +89,7 @@ impl Outbox {
 
     /// Adds a message; waits while too much waits already. After the end it is dropped.
     pub(crate) fn send(&self, message: &Message) {
-        let frame = text_of(message);
+        let frame = write_message(message);
         let mut state = self.lock();
         while !state.closed && (state.bytes > MOST_WAITING || state.frames.len() > MOST_MESSAGES) {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);

@@ -66,18 +66,6 @@ pub(crate) fn notification(method: &str, params: Value) -> Message {
     Message::Notification(Notification { method: method.to_owned(), params })
 }
 
-/// One message as the text of a frame.
-pub(crate) fn text_of(message: &Message) -> String {
-    let text = serde_json::to_string(message).unwrap_or_else(|_| "{}".into());
-    // A message is an object, which is never empty.
-    format!("{{\"jsonrpc\":\"2.0\",{}", &text[1..])
-}
-
-/// The message of a frame; `None` if it is not one.
-pub(crate) fn message_of(text: &str) -> Option<Message> {
-    serde_json::from_str(text).ok()
-}
-
 /// The parameters of a request.
 ///
 /// # Errors
