@@ -9,9 +9,11 @@ an environment of it.
 
 import importlib
 from types import ModuleType
+from typing import Any
 
 from smpl._files import announce_library
 from smpl._foreign import check as _check_foreign
+from smpl._live import Live, live
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
 from smpl._registry import register_envs
 from smpl.envs import Env
@@ -26,6 +28,7 @@ __all__ = [
     "Diagnostic",
     "Env",
     "Fit",
+    "Live",
     "Model",
     "Picture",
     "ScenarioError",
@@ -34,6 +37,7 @@ __all__ = [
     "__version__",
     "compile",
     "fit",
+    "live",
     "make_vec",
     "plot",
     "register_envs",
@@ -47,6 +51,13 @@ def __getattr__(name: str) -> ModuleType:
     if name in _LAZY:
         return importlib.import_module(f"smpl.{name}")
     raise AttributeError(f"module 'smpl' has no attribute {name!r}", name=name)
+
+
+def load_ipython_extension(shell: Any) -> None:
+    """`%load_ext smpl`: cells that begin with `%%smpl NAME` hold a model, which is checked, bound to the name and shown."""
+    from smpl._notebook import load
+
+    load(shell)
 
 
 _check_foreign()

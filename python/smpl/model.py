@@ -35,6 +35,7 @@ from smpl._step import Step
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from smpl._live import Live
     from smpl.adjoint import EpisodeGradient
     from smpl.rollout import Rollout
     from smpl.sensitivity import StepDerivatives
@@ -141,6 +142,20 @@ class Model(Named):
         from smpl.pictures import of_model
 
         return of_model(self, show)
+
+    def live(self, *, port: int = 0, browser: bool = True) -> Live:
+        """Open the live page on the model, see `smpl.live`.
+
+        Args:
+            port: port of 127.0.0.1; 0 picks a free one.
+            browser: open the browser; else only the address is returned.
+
+        Raises:
+            OSError: the server cannot start, for example because the port is in use.
+        """
+        from smpl._live import live_of_model
+
+        return live_of_model(self, port, browser)
 
     def _repr_html_(self) -> str:
         from smpl.pictures import model_as_html

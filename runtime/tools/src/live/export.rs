@@ -74,12 +74,11 @@ pub(crate) fn answer(
         }
         "python" => {
             let setup = found.compiled.setup_of(settings)?;
-            let base = base_of(&found, settings.scenario.as_deref().filter(|name| *name != "default"));
             let recorded = match settings.policy.as_deref() {
                 Some("random") => Some(recorded_actions(&runs()?)),
                 _ => None,
             };
-            download(named("py"), "text/x-python", script::python(settings, path, &setup, &base, recorded.as_ref())?.into_bytes())
+            download(named("py"), "text/x-python", script::python(settings, path, &setup, recorded.as_ref()).into_bytes())
         }
         other => {
             return Err(Fault::setting(format!("unknown format `{other}`; there are csv, parquet, svg, png, pdf, html, yaml, python")));

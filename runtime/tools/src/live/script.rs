@@ -98,36 +98,20 @@ fn yaml(value: &Value) -> Yaml {
 
 /// A script that runs the episode of the settings by `smpl.Env` and prints its return. `recorded` are actions that a policy without a
 /// counterpart in Python has drawn.
-///
-/// # Errors
-/// A scenario that is not valid YAML.
-pub(crate) fn python(
-    settings: &Settings,
-    path: &Path,
-    setup: &Setup,
-    base: &str,
-    recorded: Option<&BTreeMap<String, Vec<f64>>>,
-) -> Result<String, Fault> {
+pub(crate) fn python(settings: &Settings, path: &Path, setup: &Setup, recorded: Option<&BTreeMap<String, Vec<f64>>>) -> String {
     let mut text = String::from("import numpy as np\nimport smpl\n");
     if settings.pid.is_some() {
         text += "from smpl.controllers import PID\n";
     }
     text.push('\n');
     let mut arguments = vec![quoted(&path.to_string_lossy()), "normalize=False".to_owned()];
-    // A relative tolerance has its place in a scenario.
-    if settings.rtol.is_some() {
-        let scenario = scenario(settings, base)?;
-        let _ = writeln!(text, "with open(\"live.yaml\", \"w\", encoding=\"utf-8\") as file:\n    file.write({})\n", quoted(&scenario));
-        arguments.push("scenario=\"live.yaml\"".to_owned());
-    } else {
-        arguments.extend(choices(settings));
-    }
+    arguments.extend(choices(settings));
     let _ = writeln!(text, "env = smpl.Env(\n    {},\n)", arguments.join(",\n    "));
     let _ = writeln!(text, "env.reset(seed={}{})", settings.seed, reset_options(settings, setup));
     text += &policy(settings, setup, recorded);
     text += "total, ended = 0.0, False\nwhile not ended:\n    _, reward, terminated, truncated, info = env.step(action())\n    \
              total += reward\n    ended = terminated or truncated\nprint(total, info[\"time\"], info[\"failure\"] or \"no failure\")\n";
-    Ok(text)
+    text
 }
 
 /// Keyword arguments of `smpl.Env`.
@@ -151,7 +135,9 @@ fn choices(settings: &Settings) -> Vec<String> {
     };
     let given = settings.settings.iter().map(|(name, v)| (name, value(v)));
     let parameters = settings.parameters.iter().map(|(name, x)| (name, x.to_string()));
-    let all: Vec<String> = given.chain(parameters).map(|(name, value)| format!("{}: {value}", quoted(name))).collect();
+    let rtol = "rtol".to_owned();
+    let rtol = settings.rtol.iter().map(|x| (&rtol, x.to_string()));
+    let all: Vec<String> = given.chain(parameters).chain(rtol).map(|(name, value)| format!("{}: {value}", quoted(name))).collect();
     if !all.is_empty() {
         out.push(format!("settings={{{}}}", all.join(", ")));
     }
