@@ -88,6 +88,15 @@ export function scaleFor(size: number, unit: string | null | undefined): Scale {
   return { factor: 10 ** (wanted - present), unit: typesetUnit(chosen[0] + base + rest) };
 }
 
+/** Scale of an axis: an SI prefix, else a power of a thousand before the unit, where plain numbers would be long. */
+export function axisScale(size: number, unit: string | null | undefined): Scale {
+  const scale = scaleFor(size, unit);
+  const magnitude = Math.abs(size);
+  if (scale.factor !== 1 || !Number.isFinite(magnitude) || magnitude === 0 || (magnitude >= 1e-3 && magnitude < 1e5)) return scale;
+  const power = 3 * Math.floor(Math.log10(magnitude) / 3);
+  return { factor: 10 ** power, unit: `10${superscript(String(power))} ${typesetUnit(unit)}`.trim() };
+}
+
 /** The number with its unit, with an SI prefix where that avoids a power of ten. */
 export function formatQuantity(value: number | null | undefined, unit?: string | null, digits = 5): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return formatNumber(value, digits);

@@ -9,6 +9,11 @@ export interface Range {
   end: Position;
 }
 
+/** A range of a text, which may be an imported one. */
+export interface Location extends Range {
+  uri?: string;
+}
+
 /** A list of doubles as base64, little endian; NaN is a gap. */
 export type Packed = string;
 
@@ -70,7 +75,7 @@ export interface Control {
   structural?: boolean;
   drawn?: boolean;
   computed?: boolean;
-  range?: Range | null;
+  range?: Location | null;
 }
 export type LineStyle = "line" | "step" | "dots";
 export interface PanelLine {
@@ -83,7 +88,7 @@ export interface PanelLine {
   target?: number | null;
 }
 export interface PanelPlan {
-  id: string;
+  id: string | number;
   title: string;
   unit: string;
   text: string;
@@ -113,8 +118,8 @@ export interface Model {
   max_steps: number;
   scenarios: string[];
   scenario: string;
-  variants: { name: string; on: boolean; text: string }[];
-  choices: { name: string; options: string[]; chosen: string; text: string }[];
+  variants: { name: string; on: boolean; text?: string }[];
+  choices: { name: string; options: string[]; chosen: string; text?: string }[];
   methods: string[];
   method: string;
   rtol: number;
@@ -261,7 +266,7 @@ export interface StructureRow {
   text?: string;
   count: number;
   kind?: string;
-  range?: Range | null;
+  range?: Location | null;
   uri?: string;
 }
 export interface StructureResult {
@@ -269,7 +274,7 @@ export interface StructureResult {
   stale: boolean;
   states: StructureRow[];
   algebraic: StructureRow[];
-  equations: { unknown: string; count?: number; range: Range | null; line: number | null; uri: string; text: string }[];
+  equations: { unknown: string; count?: number; range: Location | null; line: number | null; uri: string; text: string }[];
   blocks: { size: number; unknowns: string[] }[];
   explicit: boolean;
   method: string;

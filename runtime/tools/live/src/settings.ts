@@ -87,7 +87,7 @@ export interface Track {
 /** Track of a control: what the server proposes, else bounds, else around the value. */
 export function trackOf(control: Control): Track {
   const given = control.slider;
-  if (given && given.high > given.low) return { low: given.low, high: given.high, log: Boolean(given.log) && given.low > 0 };
+  if (given && given.high > given.low) return { low: given.low, high: given.high, log: Boolean(given.log) && given.low > 0 && (control.value === null || control.value < given.high * 0.05 || given.high / given.low < 1e4) };
   const value = control.value ?? 0;
   if (control.low !== null && control.high !== null && control.high > control.low) return { low: control.low, high: control.high, log: false };
   if (value === 0) return { low: control.low ?? -1, high: control.high ?? 1, log: false };

@@ -17,7 +17,7 @@ export function startScreen(files: Files, actions: StartActions): HTMLElement {
   const paint = () => {
     const text = search.value.trim().toLowerCase();
     const has = (...words: Array<string | null | undefined>) => text === "" || words.some((w) => w?.toLowerCase().includes(text));
-    fill(models, ...files.models.filter((m) => has(m.name, m.title)).map((m) => card(m.name, m.title, m.states ? `${m.states} states` : "", () => actions.open(m.uri))));
+    fill(models, ...files.models.filter((m) => has(m.name, m.title)).map((m) => card(headOf(m.title, m.name), tailOf(m.title), m.states ? `${m.states} states` : "", () => actions.open(m.uri))));
     fill(own, ...files.files.filter((f) => has(f.path, f.title)).slice(0, 200).map((f) => fileRow(f.path, f.title, () => actions.open(f.uri))));
   };
   search.addEventListener("input", paint);
@@ -50,15 +50,20 @@ async function create(template: Template, actions: StartActions): Promise<void> 
 }
 
 function card(name: string, title: string, note: string, open: () => void): HTMLElement {
-  return h("button", { type: "button", class: "start-card", onclick: open }, h("b", {}, pretty(name)), h("span", {}, title), h("small", {}, note));
+  return h("button", { type: "button", class: "start-card", onclick: open }, h("b", {}, name), h("span", {}, title), h("small", {}, note));
 }
 
 function fileRow(path: string, title: string | null | undefined, open: () => void): HTMLElement {
-  return h("li", {}, h("button", { type: "button", class: "file-row", onclick: open }, icon("file"), h("span", {}, h("span", { class: "mono" }, path), title ? h("small", {}, title) : null)));
+  return h("li", {}, h("button", { type: "button", class: "file-row", onclick: open }, icon("file"), h("span", {}, h("span", { class: "mono" }, path), title ? h("small", {}, tailOf(title)) : null)));
 }
 
-function pretty(name: string): string {
-  return name.replace(/_/g, " ").replace(/^./, (c) => c.toUpperCase());
+/** Titles are `Name: text`. */
+function headOf(title: string, name: string): string {
+  return /^\w+(?=: )/.exec(title)?.[0] ?? name;
+}
+
+function tailOf(title: string): string {
+  return title.replace(/^\w+: /, "");
 }
 
 /** The mark of the page. */

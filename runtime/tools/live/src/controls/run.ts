@@ -11,13 +11,13 @@ type Choice = { value: string; label: string };
 export class RunSection {
   readonly element: HTMLElement;
   private readonly app: App;
-  private readonly body = h("div", { class: "section-body form" });
+  private readonly body = h("div", { class: "section-body form-grid" });
   private built = "";
   private painters: Array<(settings: Settings, model: Model) => void> = [];
 
   constructor(app: App) {
     this.app = app;
-    this.element = h("details", { class: "section", open: true }, h("summary", {}, h("span", {}, "Run")), this.body);
+    this.element = h("details", { class: "section", open: !matchMedia("(max-width: 760px)").matches }, h("summary", {}, h("span", {}, "Run")), this.body);
   }
 
   update(): void {
@@ -56,8 +56,7 @@ export class RunSection {
   }
 
   private row(label: string, control: HTMLElement, ...more: Node[]): HTMLElement {
-    const row = h("div", { class: "form-row" }, h("label", { for: control.id }, label), control, ...more);
-    return row;
+    return h("div", { class: "form-cell" }, h("label", { for: control.id }, label), h("div", { class: "form-field" }, control, ...more));
   }
 
   private select<K extends "scenario" | "policy" | "start" | "method" | "reward" | "level">(key: K, label: string, options: Choice[], standard: (model: Model) => string): HTMLElement {
@@ -114,7 +113,7 @@ export class RunSection {
     const box = h("input", { type: "checkbox", id: "run-keep" });
     box.addEventListener("change", () => this.set("keep_going", box.checked ? true : undefined));
     this.painters.push((settings) => { box.checked = settings.keep_going ?? false; });
-    return h("label", { class: "check", for: "run-keep" }, box, "Continue after failure or success");
+    return h("label", { class: "check wide", for: "run-keep" }, box, "Continue after failure or success");
   }
 }
 

@@ -99,7 +99,7 @@ export class Editor {
   private extensions(): Extension {
     return [
       lineNumbers(), highlightActiveLineGutter(), highlightActiveLine(), history(), drawSelection(), indentOnInput(), bracketMatching(), closeBrackets(),
-      highlightSelectionMatches(), lintGutter(), indentUnit.of("  "), EditorState.tabSize.of(2), EditorView.lineWrapping,
+      highlightSelectionMatches(), lintGutter(), indentUnit.of("  "), EditorState.tabSize.of(2),
       tooltips({ position: "fixed", parent: document.body }),
       EditorView.contentAttributes.of({ "aria-label": "Text of the model", spellcheck: "false", autocapitalize: "off" }),
       smplLanguage,

@@ -12,6 +12,11 @@ const WORDS = new Set(
   ("if then else and or not for in as every delay noise scale clip named default when rate until over cells from linear bounds columns outside inside low high stretch faces areas " +
     "volumes scheme geometry event extends expect within").split(" "),
 );
+/** Words that mean something in one statement and are good names elsewhere. */
+const ONLY_IN: Record<string, string> = {
+  rate: "invariant", low: "flux", high: "flux", columns: "table", linear: "table", from: "table", stretch: "domain", faces: "domain", areas: "domain",
+  volumes: "domain", scheme: "domain", geometry: "domain", cells: "domain",
+};
 const CONSTANTS = new Set(["pi", "e", "inf", "true", "false"]);
 
 interface State {
@@ -25,12 +30,17 @@ interface State {
   /** What the last token was: a unit may follow a number or `as`. */
   last: "number" | "as" | "name" | "other";
   bracketUnit: boolean;
+  /** First word of the statement. */
+  statement: string;
+  /** In the headings of a table, where brackets after names hold units. */
+  columns: boolean;
 }
 
 function token(stream: StringStream, state: State): string | null {
   if (stream.sol() && state.depth === 0) {
     state.fresh = true;
     state.unit = false;
+    state.columns = false;
   }
   if (stream.eatSpace()) return null;
   if (stream.match(/^#.*/)) {
@@ -77,15 +87,15 @@ function symbol(stream: StringStream, state: State): string | null {
   const word = stream.match(/^[\p{L}_][\p{L}\p{N}_]*/u) as RegExpMatchArray | null;
   if (word) return named(word[0], stream, state);
   const c = stream.next();
-  if (c === "[" && (state.last === "number" || state.last === "as")) {
+  if (c === "[" && (state.last === "number" || state.last === "as" || state.columns)) {
     state.bracketUnit = true;
     return "bracket";
   }
   if (c === "[" || c === "(") state.depth += 1;
   if (c === "]" || c === ")") state.depth = Math.max(0, state.depth - 1);
   if (c === ":" && state.declaring && state.depth === 0) state.unit = true;
-  if (c === "{" || c === "}" || c === ";") state.fresh = true;
-  else state.fresh = false;
+  state.fresh = c === "{" || c === "}" || c === ";";
+  if (c === "{") state.declaring = false;
   state.last = "other";
   return c !== null && c !== undefined && "[](){}".includes(c as string) ? "bracket" : "operator";
 }
@@ -96,9 +106,11 @@ function named(word: string, stream: StringStream, state: State): string {
   state.last = word === "as" ? "as" : "name";
   if (begins) {
     state.declaring = DECLARING.has(word);
+    state.statement = word;
     return "keyword";
   }
-  if (WORDS.has(word) && !stream.match(/^\s*=(?!=)/, false)) return "word";
+  if (word === "columns") state.columns = true;
+  if (WORDS.has(word) && (ONLY_IN[word] ?? state.statement) === state.statement && !stream.match(/^\s*=(?!=)/, false)) return "word";
   if (CONSTANTS.has(word)) return "atom";
   if (stream.match(/^\(/, false)) return "function";
   return "variable";
@@ -106,7 +118,7 @@ function named(word: string, stream: StringStream, state: State): string {
 
 const language = StreamLanguage.define<State>({
   name: "smpl",
-  startState: () => ({ fresh: true, declaring: false, unit: false, depth: 0, last: "other", bracketUnit: false }),
+  startState: () => ({ fresh: true, declaring: false, unit: false, depth: 0, last: "other", bracketUnit: false, columns: false, statement: "" }),
   token,
   languageData: { commentTokens: { line: "#" }, closeBrackets: { brackets: ["(", "[", "{", '"'] } },
   tokenTable: {

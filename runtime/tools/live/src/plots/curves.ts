@@ -37,6 +37,8 @@ export interface PanelData {
   ghosts: Curve[];
   ribbons: Ribbon[];
   levels: Level[];
+  /** Curves that are left out because the panel would be crowded. */
+  left: number;
 }
 
 /** A run that stays for comparison. */
@@ -48,17 +50,23 @@ export interface Pinned {
 const DASHES: number[][] = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 
 /** What a panel shows of a result and of pinned runs. */
-export function panelData(plan: PanelPlan, result: RunResult, pinned: readonly Pinned[], dark: boolean): PanelData {
-  const data: PanelData = { id: plan.id, title: plan.title, unit: plan.unit, text: plan.text, role: plan.role, curves: [], ghosts: [], ribbons: [], levels: [] };
+export function panelData(plan: PanelPlan, result: RunResult, pinned: readonly Pinned[], dark: boolean, most = Infinity): PanelData {
+  const data: PanelData = { id: String(plan.id), title: plan.title, unit: plan.unit, text: plan.text, role: plan.role, curves: [], ghosts: [], ribbons: [], levels: [], left: 0 };
   const { runs } = result;
   const sweep = runs.length > 1 && runs.some((r) => r.value !== null);
-  plan.lines.forEach((line, index) => {
+  const lines = shownLines(plan, runs[0], most);
+  data.left = plan.lines.filter((l) => l.style !== "dots").length - lines.filter((l) => l.style !== "dots").length;
+  const colours = lines.filter((l) => l.style !== "dots");
+  lines.forEach((line) => {
+    // Readings have the colour of what they read.
+    const owner = line.style === "dots" ? colours.findIndex((l) => readings(line, l)) : colours.indexOf(line);
+    const index = owner < 0 ? colours.length : owner;
     const colour = curveColour(index, plan.role, dark);
     const found = runs.map((run) => curveOf(run, line.column, line.style)).filter((c): c is [Float64Array, Float64Array, LineStyle] => c !== null);
     if (found.length === 1 && found[0]) data.curves.push(curve(line.label, colour, found[0], true));
     else if (sweep) {
       found.forEach((xy, i) =>
-        data.curves.push({ ...curve(plan.lines.length > 1 ? `${line.label} ${runs[i]?.label ?? ""}` : (runs[i]?.label ?? ""), sweepColour(i, found.length, dark), xy, found.length * plan.lines.length <= 8), dash: DASHES[index % 4] as number[] }),
+        data.curves.push({ ...curve(lines.length > 1 ? `${line.label} ${runs[i]?.label ?? ""}` : (runs[i]?.label ?? ""), sweepColour(i, found.length, dark), xy, found.length * lines.length <= 8), dash: DASHES[index % 4] as number[] }),
       );
     } else if (found.length > 1) addSeeds(data, line.label, colour, found);
     for (const pin of pinned) {
@@ -69,6 +77,47 @@ export function panelData(plan: PanelPlan, result: RunResult, pinned: readonly P
   });
   for (const bound of [plan.low, plan.high]) if (bound !== null) data.levels.push({ value: bound, kind: "bound" });
   return data;
+}
+
+/** The lines of a panel: readings that repeat their curve are left out, and of many curves the most changing ones stay. */
+function shownLines(plan: PanelPlan, run: Run | undefined, most: number): PanelPlan["lines"] {
+  if (!run) return plan.lines;
+  const curves = plan.lines.filter((l) => l.style !== "dots");
+  const kept = new Set(curves.length <= most ? curves : [...curves].sort((a, b) => change(run, b) - change(run, a)).slice(0, most));
+  return plan.lines.filter((line) => {
+    if (line.style !== "dots") return kept.has(line);
+    const owner = curves.find((l) => readings(line, l));
+    return !owner || (kept.has(owner) && !repeats(run, line, owner));
+  });
+}
+
+function readings(line: { label: string; column: string }, curve: { label: string; column: string }): boolean {
+  return line.column === `obs.${curve.column}` || line.label === `${curve.label} observed`;
+}
+
+/** Span of a curve relative to its size. */
+function change(run: Run, line: { column: string; style: LineStyle }): number {
+  const found = curveOf(run, line.column, line.style);
+  if (!found) return -1;
+  const [low, high] = extent(found[1]);
+  return (high - low) / Math.max(Math.abs(low), Math.abs(high), 1e-300);
+}
+
+/** Whether readings are the values of their curve: without noise and delay. */
+function repeats(run: Run, line: { column: string }, curve: { column: string; style: LineStyle }): boolean {
+  const [points, whole] = [curveOf(run, line.column, "dots"), curveOf(run, curve.column, curve.style)];
+  if (!points || !whole) return false;
+  const [low, high] = extent(whole[1]);
+  const slack = Math.max(high - low, Math.max(Math.abs(low), Math.abs(high)) * 1e-6) * 0.01;
+  let [seen, apart] = [0, 0];
+  points[0].forEach((x, i) => {
+    const reading = points[1][i] as number;
+    if (Number.isNaN(reading)) return;
+    seen += 1;
+    if (Math.abs(reading - valueAt(whole[0], whole[1], whole[2], x)) > slack) apart += 1;
+  });
+  // Jumps at sampling instants may have two values at one time.
+  return seen === points[0].length && apart <= seen * 0.05;
 }
 
 /** Colour of the member of a family: viridis without its palest end. */

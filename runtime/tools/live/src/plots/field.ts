@@ -1,7 +1,7 @@
 // A quantity over space and time: heat map, and the curve over space at one time, which plays.
 
 import { button, fill, h, icon } from "../dom.ts";
-import { formatNumber, typesetUnit } from "../numbers.ts";
+import { axisScale, formatNumber, typesetUnit } from "../numbers.ts";
 import { extent, lastNotAbove, unpack } from "../packed.ts";
 import { curveColour, viridis } from "../palette.ts";
 import type { Field } from "../protocol.ts";
@@ -9,6 +9,7 @@ import { padded, tickLabels, ticks } from "../ticks.ts";
 import type { Shared } from "./shared.ts";
 
 const HEIGHT = 210;
+const SCALE_BAR = 48;
 const MARGIN = { left: 52, right: 10, top: 8, bottom: 32 };
 /** Time in which a whole run plays, in milliseconds. */
 const PLAY_TIME = 6000;
@@ -28,6 +29,7 @@ export class FieldPanel {
   private values = new Float64Array(0);
   private faces: Float64Array = new Float64Array(0);
   private range: [number, number] = [0, 1];
+  private scale = { factor: 1, unit: "" };
   private image: HTMLCanvasElement | null = null;
   private time: number | null = null;
   private playing = 0;
@@ -76,7 +78,6 @@ export class FieldPanel {
     this.values = unpack(field.values) as Float64Array<ArrayBuffer>;
     const faces = field.space?.faces ?? [];
     this.faces = faces.length === field.cells + 1 ? Float64Array.from(faces) : Float64Array.from({ length: field.cells + 1 }, (_, i) => i + 0.5);
-    this.unit.textContent = typesetUnit(field.unit);
     if (!same) {
       fill(this.groups, ...field.groups.map((g, i) => h("option", { value: i }, g)));
       this.groups.hidden = field.groups.length < 2;
@@ -105,6 +106,8 @@ export class FieldPanel {
   private choose(group: number): void {
     this.group = group;
     this.range = padZero(extent(this.part()));
+    this.scale = axisScale(Math.max(...this.range.map(Math.abs)), this.field?.unit);
+    this.unit.textContent = this.scale.unit;
     this.image = null;
     this.curve.setAttribute("aria-label", `Curve over ${this.field?.space?.name ?? "cells"}; from ${formatNumber(this.range[0])} to ${formatNumber(this.range[1])} ${typesetUnit(this.field?.unit)}`);
     this.at(this.time ?? this.times.at(-1) ?? 0);
@@ -151,7 +154,7 @@ export class FieldPanel {
   }
 
   private pointed(event: PointerEvent): void {
-    const box = boxOf(this.map, 34);
+    const box = boxOf(this.map, SCALE_BAR);
     const [low, high] = this.shared.range;
     const x = event.clientX - this.map.getBoundingClientRect().left;
     this.stop();
@@ -166,7 +169,7 @@ export class FieldPanel {
 
   private drawMap(): void {
     const ctx = prepare(this.map);
-    const box = boxOf(this.map, 34);
+    const box = boxOf(this.map, SCALE_BAR);
     const [low, high] = this.shared.range;
     const theme = this.shared.theme.value;
     this.image ??= this.render();
@@ -227,7 +230,7 @@ export class FieldPanel {
     ctx.fillStyle = theme.grey;
     ctx.textAlign = "left";
     ctx.textBaseline = "middle";
-    const [low, high] = this.range;
+    const [low, high] = this.range.map((v) => v / this.scale.factor) as [number, number];
     const marks = ticks(low, high, 4).filter((t) => t >= low && t <= high);
     const labels = tickLabels(marks);
     marks.forEach((t, i) => ctx.fillText(labels[i] as string, x + 11, box.y + box.height * (1 - (t - low) / (high - low))));
@@ -239,7 +242,7 @@ export class FieldPanel {
     const theme = this.shared.theme.value;
     const space: [number, number] = [this.faces[0] ?? 0, this.faces.at(-1) ?? 1];
     const [low, high] = padded(...this.range);
-    axes(ctx, box, space, [low, high], theme, unitName(this.field?.unit), `${this.field?.space?.name ?? "cell"}${unitNote(this.field?.space?.unit)}`);
+    axes(ctx, box, space, [low / this.scale.factor, high / this.scale.factor], theme, this.scale.unit, `${this.field?.space?.name ?? "cell"}${unitNote(this.field?.space?.unit)}`);
     const part = this.part();
     const cells = this.field?.cells ?? 0;
     const y = (v: number) => box.y + box.height * (1 - (v - low) / (high - low));

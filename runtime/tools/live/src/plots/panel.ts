@@ -2,14 +2,14 @@
 
 import uPlot from "uplot";
 import { button, fill, h, icon } from "../dom.ts";
-import { formatNumber, scaleFor, superscript, typesetUnit } from "../numbers.ts";
+import { axisScale, formatNumber, typesetUnit } from "../numbers.ts";
 import { extent } from "../packed.ts";
 import { tickLabels, ticks } from "../ticks.ts";
 import { type Curve, type PanelData, valueAt, verticalRange } from "./curves.ts";
 import { drawBack, drawFront } from "./paint.ts";
 import type { Shared } from "./shared.ts";
 
-const HEIGHT = 168;
+const HEIGHT = 156;
 const TALL = 380;
 
 export class Panel {
@@ -20,11 +20,13 @@ export class Panel {
   private readonly unitText: HTMLElement;
   private readonly note: HTMLElement;
   private readonly legend: HTMLElement;
+  private readonly single = h("span", { class: "panel-single" });
   private values: HTMLElement[] = [];
   private readonly shared: Shared;
   private readonly unsubscribe: Array<() => void>;
   private visible = false;
   private tall = false;
+  onEnlarge: () => void = () => undefined;
   private factor = 1;
   private moving = false;
 
@@ -36,23 +38,28 @@ export class Panel {
     this.frame = h("div", { class: "panel-frame", tabindex: "0", role: "img", onkeydown: (e: KeyboardEvent) => this.key(e) });
     const name = onSource ? button(title, onSource, { class: "panel-title link", title: "Show the declaration" }) : h("span", { class: "panel-title" }, title);
     const enlarge = button(icon("plus"), () => this.enlarge(enlarge), { class: "ghost panel-enlarge", "aria-label": `Enlarge ${title}`, "aria-pressed": "false" });
-    this.element = h("article", { class: "panel" }, h("header", {}, name, this.unitText, this.note, enlarge), this.legend, this.frame);
+    this.element = h("article", { class: "panel" }, h("header", {}, name, this.unitText, this.note, this.single, enlarge), this.legend, this.frame);
     this.unsubscribe = [shared.zoom.subscribe(() => this.redraw()), shared.hover.subscribe(() => this.readOut()), shared.theme.subscribe(() => this.rebuild())];
+  }
+
+  get enlarged(): boolean {
+    return this.tall;
   }
 
   /** Gives the panel what to show; it is drawn when the panel is in view. */
   update(data: PanelData): void {
     this.data = data;
     const names = data.curves.filter((c) => c.named);
+    const alone = names.length === 1 && names[0]?.label === data.title;
     this.values = [];
-    fill(this.legend, ...names.map((c) => this.legendEntry(c, names.length === 1 && c.label === data.title)));
+    const entries = names.map((c) => this.legendEntry(c, alone));
+    fill(this.legend, ...(alone ? [] : entries), data.left > 0 ? h("span", { class: "note" }, `+ ${data.left} more`) : null);
+    fill(this.single, ...(alone ? entries : []));
     const [low, high] = verticalRange(data, ...this.shared.whole);
     const size = Math.max(Math.abs(low), Math.abs(high));
-    const scale = scaleFor(size, data.unit);
-    const power = Math.floor(Math.log10(size) / 3) * 3;
-    this.factor = scale.factor === 1 && size > 0 && (size >= 1e5 || size < 1e-3) && Number.isFinite(power) ? 10 ** power : scale.factor;
-    const prefix = this.factor !== 1 && scale.factor === 1 ? `10${superscript(String(power))} ` : "";
-    this.unitText.textContent = `${prefix}${prefix ? typesetUnit(data.unit) : scale.unit}`.trim();
+    const scale = axisScale(size, data.unit);
+    this.factor = scale.factor;
+    this.unitText.textContent = scale.unit;
     const [a, b] = extentOf(data);
     this.frame.setAttribute("aria-label", `${data.title}: from ${formatNumber(a)} to ${formatNumber(b)} ${typesetUnit(data.unit)}. Arrow keys read values, plus and minus zoom.`);
     this.redraw();
@@ -81,12 +88,13 @@ export class Panel {
     control.setAttribute("aria-pressed", String(this.tall));
     this.element.classList.toggle("tall", this.tall);
     this.resize();
+    this.onEnlarge();
   }
 
   private legendEntry(c: Curve, alone: boolean): HTMLElement {
     const value = h("output", { class: "panel-value" });
     this.values.push(value);
-    return h("span", { class: "legend-entry" }, h("i", { class: "swatch", style: `background:${c.colour}`, "aria-hidden": "true" }), alone ? null : h("span", { class: "legend-name" }, c.label), value);
+    return h("span", { class: "legend-entry" }, alone ? null : h("i", { class: "swatch", style: `background:${c.colour}`, "aria-hidden": "true" }), alone ? null : h("span", { class: "legend-name" }, c.label), value);
   }
 
   private rebuild(): void {

@@ -76,10 +76,10 @@ export class Steady implements Tab {
     const eigenvalues = result.eigenvalues ?? [];
     const largest = Math.max(...eigenvalues.map((e) => e.re));
     const scale = Math.max(...eigenvalues.map((e) => Math.hypot(e.re, e.im)), 1e-300);
-    const verdict = eigenvalues.length === 0 ? null : largest > 1e-9 * scale ? "Unstable" : largest < -1e-9 * scale ? "Stable" : "Not asymptotically stable";
+    const verdict = eigenvalues.length === 0 ? null : largest > 1e-9 * scale ? "Unstable" : largest < -1e-9 * scale ? "Stable" : "Marginal";
     return h(
       "div", { class: "cards" },
-      verdict ? h("div", { class: `card ${verdict === "Stable" ? "good" : verdict === "Unstable" ? "bad" : "fair"}` }, h("b", {}, verdict), h("small", {}, result.eigenvalue_note || "by the eigenvalues of the linearisation")) : null,
+      verdict ? h("div", { class: `card ${verdict === "Stable" ? "good" : verdict === "Unstable" ? "bad" : "fair"}` }, h("b", {}, verdict), h("small", {}, result.eigenvalue_note || (verdict === "Marginal" ? "an eigenvalue is zero" : "by the eigenvalues of the linearisation"))) : null,
       h("div", { class: "card" }, h("b", {}, formatNumber(result.residual_norm, 2)), h("small", {}, "residual norm")),
       h("div", { class: "card" }, h("b", {}, String(result.iterations ?? "–")), h("small", {}, "Newton iterations")),
       result.others ? h("div", { class: "card" }, h("b", {}, String(result.others.length)), h("small", {}, "other steady states found")) : null,

@@ -5,7 +5,7 @@ import { RpcError } from "../client.ts";
 import { button, type Child, fill, h } from "../dom.ts";
 import { Follower } from "../follower.ts";
 import { typesetUnit } from "../numbers.ts";
-import type { Range, StructureResult } from "../protocol.ts";
+import type { Location, StructureResult } from "../protocol.ts";
 import { ErrorCode } from "../protocol.ts";
 import { table } from "./table.ts";
 import type { Tab } from "./tab.ts";
@@ -81,10 +81,10 @@ export class Structure implements Tab {
     return table(["Name", "Unit", "Elements", "Meaning", "Line"], rows.slice(0, MOST).map((s) => [mono(s.name), typesetUnit(s.unit), s.count, s.text ?? "", this.line(s.uri, s.range)]), [2, 4]);
   }
 
-  private line(uri: string | undefined, range: Range | null | undefined, number?: number | null): Child {
+  private line(uri: string | undefined, range: Location | null | undefined, number?: number | null): Child {
     const shown = range ? range.start.line + 1 : number;
     if (shown === null || shown === undefined) return "";
-    const address = uri ?? this.app.main.value;
+    const address = range?.uri ?? uri ?? this.app.main.value;
     return range && address ? button(String(shown), () => this.app.goTo(address, range), { class: "link", "aria-label": `Show line ${shown}` }) : String(shown);
   }
 }

@@ -93,7 +93,7 @@ export class Task implements Tab {
     // Rewards of steps have no value at the start.
     const ys = values.length === times.length ? values : Float64Array.from([NaN, ...values]);
     const colour = curveColour(0, role, this.app.shared.theme.value.dark);
-    return { id: title, title, unit, text, role, ghosts: [], ribbons: [], levels: [], curves: [{ label: title, colour, style, xs: times.subarray(0, ys.length), ys, width: 1.75, alpha: 1, dash: [], named: true }] };
+    return { id: title, title, unit, text, role, ghosts: [], ribbons: [], levels: [], left: 0, curves: [{ label: title, colour, style, xs: times.subarray(0, ys.length), ys, width: 1.75, alpha: 1, dash: [], named: true }] };
   }
 
   private sum(run: Run, name: string, unit: string, values: Float64Array): PanelData {

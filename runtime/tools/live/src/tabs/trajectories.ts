@@ -11,6 +11,9 @@ import type { Model, PanelPlan, RunResult } from "../protocol.ts";
 import { quantityPicker } from "./picker.ts";
 import type { Tab } from "./tab.ts";
 
+/** Most curves of a panel that is not enlarged, as in run pictures. */
+const MOST_LINES = 8;
+
 export class Trajectories implements Tab {
   readonly id = "trajectories";
   readonly title = "Trajectories";
@@ -46,7 +49,7 @@ export class Trajectories implements Tab {
     app.chosen.subscribe(() => this.paint());
     app.shared.theme.subscribe(() => this.paint());
     app.shared.hover.subscribe((t) => this.tick(t));
-    app.shared.zoom.subscribe((z) => { this.zoomOut.hidden = z === null; });
+    app.shared.zoom.subscribe((z) => { this.zoomOut.hidden = z === null; this.tick(app.shared.hover.value); });
   }
 
   show(visible: boolean): void {
@@ -71,11 +74,11 @@ export class Trajectories implements Tab {
     this.stale = false;
     this.paintStrip(result);
     const plans = shownPanels(model, this.app.chosen.value, result);
-    this.keep(this.panels, new Set(plans.map((p) => p.id)));
+    this.keep(this.panels, new Set(plans.map((p) => String(p.id))));
     plans.forEach((plan, place) => {
-      const panel = this.panels.get(plan.id) ?? this.addPanel(plan, model);
+      const panel = this.panels.get(String(plan.id)) ?? this.addPanel(plan, model);
       if (this.grid.children[place] !== panel.element) this.grid.insertBefore(panel.element, this.grid.children[place] ?? null);
-      panel.update(panelData(plan, result, this.app.pinned.value, this.app.shared.theme.value.dark));
+      panel.update(panelData(plan, result, this.app.pinned.value, this.app.shared.theme.value.dark, panel.enlarged ? Infinity : MOST_LINES));
     });
     const hidden = model.panels.length - plans.length;
     this.note.textContent = hidden > 0 ? `${hidden} more quantities are under “Quantities”.` : "";
@@ -99,8 +102,9 @@ export class Trajectories implements Tab {
   private addPanel(plan: PanelPlan, model: Model): Panel {
     const control = [...model.states, ...model.actions, ...model.discretes].find((c) => c.name === plan.lines[0]?.column || c.array === plan.title);
     const range = control?.range;
-    const panel = new Panel(this.app.shared, plan.title, plan.text, range ? () => this.app.goTo(model.uri, range) : undefined);
-    this.panels.set(plan.id, panel);
+    const panel = new Panel(this.app.shared, plan.title, plan.text, range ? () => this.app.goTo(range.uri ?? model.uri, range) : undefined);
+    panel.onEnlarge = () => this.paint();
+    this.panels.set(String(plan.id), panel);
     this.watch(panel);
     return panel;
   }
@@ -148,7 +152,7 @@ export class Trajectories implements Tab {
   private tick(time: number | null): void {
     const { shared } = this.app;
     if (time === null) {
-      this.clock.textContent = shared.zoom.value ? `${formatNumber(shared.range[0], 4)} – ${formatQuantity(shared.range[1], shared.timeUnit, 4)}` : "";
+      this.clock.textContent = `${formatNumber(shared.range[0], 4)} – ${formatQuantity(shared.range[1], shared.timeUnit, 4)}`;
       return;
     }
     const phase = shared.marks.phases.find((p) => time >= p.from && time < p.to);
@@ -159,6 +163,6 @@ export class Trajectories implements Tab {
 /** Panels in force: those that are chosen, else those that the model proposes and the run has. */
 export function shownPanels(model: Model, chosen: ReadonlySet<string> | null, result: RunResult | null): PanelPlan[] {
   const present = new Set(result?.runs[0]?.columns.map((c) => c.name));
-  const wanted = model.panels.filter((p) => (chosen ? chosen.has(p.id) : p.first));
+  const wanted = model.panels.filter((p) => (chosen ? chosen.has(String(p.id)) : p.first));
   return result ? wanted.filter((p) => p.lines.some((l) => present.has(l.column))) : wanted;
 }
