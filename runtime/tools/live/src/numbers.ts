@@ -52,8 +52,8 @@ export function parseNumber(text: string): number | null {
 export function typesetUnit(unit: string | null | undefined): string {
   if (!unit || unit === "1") return "";
   return unit
-    .replace(/\^\(([-+]?\d+)\/(\d+)\)/g, (_, a: string, b: string) => `${superscript(a)}ᐟ${superscript(b)}`)
-    .replace(/\^\(?([-+]?\d+(?:\.\d+)?)\)?/g, (_, power: string) => superscript(power))
+    .replace(/\^\(([-+]?\d+)\/(\d+)\)/g, (_, a: string, b: string) => `${superscript(a)}/${superscript(b)}`)
+    .replace(/\^(?:\(([-+]?\d+(?:\.\d+)?)\)|([-+]?\d+(?:\.\d+)?))/g, (_, a?: string, b?: string) => superscript(a ?? b ?? ""))
     .replace(/\bdeg([CF])\b/g, "°$1")
     .replace(/\bdeg\b/g, "°")
     .replace(/\bohm\b/g, "Ω")

@@ -47,6 +47,7 @@ export class Page implements App {
   private readonly editorPane = h("div", { class: "editor" });
   private readonly workspace = h("div", { class: "workspace" });
   private readonly results = h("section", { class: "pane result-pane", "aria-label": "Results" });
+  private readonly message = h("p", { class: "message error run-message", role: "status", hidden: true });
   private readonly equations: Equations;
   private readonly views: ReturnType<typeof viewSwitch>;
   private readonly tabs: ReturnType<typeof tabList>;
@@ -110,7 +111,7 @@ export class Page implements App {
 
   private layOut(): HTMLElement {
     const text = h("section", { class: "pane text-pane", "aria-label": "Text" }, this.fileTabs, this.editorPane, this.problems.element, this.problems.liveRegion);
-    this.results.append(this.tabs.bar, this.tabs.panels);
+    this.results.append(this.tabs.bar, this.message, this.tabs.panels);
     this.workspace.append(text, splitter(text, "Width of the text", 240, () => this.workspace.clientWidth * 0.7), this.results, controls(this));
     this.tabs.select("trajectories");
     return h("div", { class: "page" }, this.bar.element, this.banners.element, this.workspace, this.views.element);
@@ -119,7 +120,11 @@ export class Page implements App {
   private listen(): void {
     this.client.on<Changed>("smpl/changed", (changed) => this.changedOnDisk(changed));
     this.editor.documents.shape.subscribe(() => this.paintFiles());
-    this.session.status.subscribe((status) => this.results.classList.toggle("stale", status.stale));
+    this.session.status.subscribe((status) => {
+      this.results.classList.toggle("stale", status.stale);
+      this.message.textContent = status.error ?? "";
+      this.message.hidden = !status.error;
+    });
     const theme = () => this.shared.theme.set(currentTheme());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme);
     addEventListener("themechange", theme);

@@ -78,8 +78,8 @@ export class TopBar {
     const { busy, progress, latency, error, stale } = this.session.status.value;
     const connected = this.app.client.connected;
     const kind = !connected ? "error" : error ? "error" : stale ? "warning" : busy ? "busy" : "ok";
-    const text = !connected ? "offline" : (error ?? (stale ? "last valid result" : latency === null ? "" : formatDuration(latency)));
-    fill(this.status, h("i", { class: `dot ${kind}`, "aria-hidden": "true" }), h("span", { title: text }, text));
+    const text = !connected ? "offline" : (error ? "no result" : (stale ? "last valid result" : latency === null ? "" : formatDuration(latency)));
+    fill(this.status, h("i", { class: `dot ${kind}`, "aria-hidden": "true" }), h("span", { title: error ?? text }, text));
     this.progress.hidden = !busy || progress === null;
     (this.progress.firstElementChild as HTMLElement).style.width = `${Math.round((progress ?? 0) * 100)}%`;
     this.progress.setAttribute("aria-valuenow", String(Math.round((progress ?? 0) * 100)));

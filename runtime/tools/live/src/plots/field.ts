@@ -10,7 +10,7 @@ import type { Shared } from "./shared.ts";
 
 const HEIGHT = 210;
 const SCALE_BAR = 48;
-const MARGIN = { left: 52, right: 10, top: 8, bottom: 32 };
+const MARGIN = { left: 58, right: 10, top: 8, bottom: 32 };
 /** Time in which a whole run plays, in milliseconds. */
 const PLAY_TIME = 6000;
 

@@ -183,7 +183,7 @@ export class Panel {
     data.curves.filter((c) => c.named).forEach((c, i) => {
       const value = valueAt(c.xs, c.ys, c.style, Math.min(at, c.xs.at(-1) ?? at));
       const out = this.values[i];
-      if (out) out.textContent = formatNumber(time !== null && at > (c.xs.at(-1) ?? at) ? NaN : value / this.factor);
+      if (out) out.textContent = formatNumber(time !== null && at > (c.xs.at(-1) ?? at) ? NaN : value / this.factor, this.values.length > 1 ? 4 : 5);
     });
     if (this.plot && this.visible && !this.moving) {
       this.moving = true;
