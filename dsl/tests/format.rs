@@ -92,7 +92,7 @@ fn nonnegative_states_have_a_column_after_bounds_and_scale() {
     check(text);
     assert_eq!(
         format(text).expect("a layout"),
-        "state y                         nonnegative\nstate ab            : mol = 1  in 0..2  scale 3  nonnegative    \"amount\"\nstate c[i in 1..2]  : mol = 1  in 0..2  nonnegative\n"
+        "state y                                         nonnegative\nstate ab           : mol = 1  in 0..2  scale 3  nonnegative    \"amount\"\nstate c[i in 1..2] : mol = 1  in 0..2           nonnegative\n"
     );
 }
 

@@ -3,6 +3,9 @@
 Expected values are closed forms, derived next to each model, or SciPy's Radau method at a tolerance of 1e-10.
 """
 
+import re
+import zipfile
+
 import numpy as np
 import pytest
 import scipy.integrate
@@ -67,13 +70,14 @@ def test_a_fed_reaction_of_any_order_settles(count, power, method):
     def rate(_, y, feed):
         return feed - 20 * np.maximum(y, 0) ** exponent
 
+    start = [0.0]
     for begin, end, feed in ((0, 1, 1.0), (1, 4, 0.0)):
-        start = [0.0] if begin == 0 else [found.y[0, -1]]
         found = scipy.integrate.solve_ivp(
             rate, (begin, end), start, "Radau", dense_output=True, args=(feed,), rtol=1e-10, atol=1e-13
         )
         inside = (t > begin) & (t <= end)
         expected[inside] = [found.sol(time)[0] for time in t[inside]]
+        start = found.y[:, -1]
     assert info["failure"] == ""
     assert states.min() >= 0
     assert states[:, 0] == pytest.approx(np.maximum(expected, 0), abs=1e-6)
@@ -156,3 +160,51 @@ def test_derivatives_through_an_empty_tank_are_zero(method):
         left = max(np.sqrt(y0) - time / 2, 0)
         assert by_y[0, 0] == pytest.approx(left / max(np.sqrt(y0), 1e-30), abs=1e-3)
         assert by_k[0, 0] == pytest.approx(-time * left, abs=1e-3)
+
+
+@methods
+def test_batches_and_rollouts_keep_states_nonnegative(method):
+    # Tanks of depth y0 run dry at 2 sqrt(y0): y = (sqrt(y0) - t/2)^2.
+    one = model("state y = 1 nonnegative\ninitial y ~ uniform(0.5, 2)\neq d/dt y = -sqrt(y)\nobserve y", 4.0, 8)
+    starts = np.array([0.0, 0.01, 1.0, 2.0])
+    t = np.linspace(0, 4, 9)
+    expected = np.maximum(np.sqrt(starts)[:, None] - t / 2, 0) ** 2
+    found = one.rollout(starts[:, None], np.zeros((4, 8, 0)), method=method)
+    assert list(found.failure) == [""] * 4
+    assert found.states[:, :, 0] == pytest.approx(expected, abs=1e-7)
+    venv = smpl.VectorEnv(one, num_envs=8, normalize=False, method=method)
+    venv.reset(seed=1)
+    first = venv.state[:, 0].copy()
+    for k in range(1, 8):
+        venv.step(np.zeros((8, 0)))
+        assert venv.state[:, 0] == pytest.approx(np.maximum(np.sqrt(first) - t[k] / 2, 0) ** 2, abs=1e-7)
+
+
+def test_a_batch_names_the_state_that_would_become_negative():
+    one = model("state y = 1 nonnegative\neq d/dt y = -1", 3.0, 3)
+    found = one.rollout(np.array([[5.0], [1.5]]), np.zeros((2, 3, 0)))
+    assert found.failure[0] == ""
+    assert found.steps[1] == 2
+    assert "would become negative" in found.failure[1]
+
+
+def test_a_start_below_zero_is_refused_by_name():
+    one = model("state y = 1 nonnegative\neq d/dt y = -y", 3.0, 3)
+    with pytest.raises(smpl.SimulationError, match=r"d/dt y, would become negative"):
+        one.step([-0.5], [])
+
+
+def test_exports_have_zero_as_the_least_value(tmp_path):
+    text = "state y : mol = 1 in -1..5 nonnegative\nstate z : mol = 1\neq d/dt y = -y/1\neq d/dt z = -z/1"
+    one = model(text, 3.0, 3)
+    path = smpl.export.write(one, "json", tmp_path / "m.json")[0]
+    y, z = smpl.export.json(one)["quantities"]["states"]
+    assert y["nonnegative"] is True
+    assert "nonnegative" not in z
+    with pytest.raises(smpl.SimulationError, match="would become negative"):
+        smpl.compile(str(path)).step([-0.5, 1], [])
+    assert '"y", "mol", 0.0, 5.0' in smpl.export.text(one, "c")["c"]
+    smpl.export.fmu(one, tmp_path / "m.fmu", binary=False)
+    with zipfile.ZipFile(tmp_path / "m.fmu") as fmu:
+        described = fmu.read("modelDescription.xml").decode()
+    assert re.search(r'name="y"[^>]* min="0\.0" max="5\.0"', described)

@@ -190,7 +190,7 @@ mod tests {
     fn addresses_with_blanks_and_letters_of_other_alphabets_lead_to_their_files() {
         let path = Path::new("/tmp/a b/größe°.eq");
         let uri = uri_of(path);
-        assert_eq!(uri.as_ref().map(Uri::as_str), Some("file:///tmp/a%20b/gr%C3%B6%C3%9Fe%C2%B0.eq"));
+        assert_eq!(uri.as_ref().map(|uri| uri.as_str()), Some("file:///tmp/a%20b/gr%C3%B6%C3%9Fe%C2%B0.eq"));
         assert_eq!(uri.map(|uri| path_of(&uri)).as_deref(), Some(path));
     }
 }
