@@ -537,3 +537,52 @@ def test_an_algebraic_variable_that_jumps_is_followed(count, method):
     # IDA is as exact without the jump.
     expected = area(root(0.7)) + (area(root(4.0)) - area(root(1.4))) / 2
     assert state(env, "y") == pytest.approx(expected, rel=5e-7 if method == "ida" else 1e-7)
+
+
+@methods
+@pytest.mark.parametrize("kink", ["max(x - 0.5, 0)", "if x > 0.5 then x - 0.5 else 0", "if x > 0.5 then x else 0"])
+def test_an_event_that_an_action_brings_happens_at_the_start_of_the_step(kink, method):
+    # x' = u for one unit of time each: x is 0.1, 1.1, 2.1, 2.2. The kink is passed at 1.4, in the step before the last ones.
+    text = f"""
+    time t : 1
+    action u = 1 in 0..2
+    discrete te = -1
+    discrete k = 0
+    state x = 0
+    state w = 0
+    eq d/dt x = u
+    eq d/dt w = {kink}
+    event low when u < 0.5
+    at low {{ next te = t ; next k = k + 1 }}
+    episode {{ step = 1, max_steps = 20 }}
+    """
+    env = smpl.Env(smpl.compile(source=text), normalize=False, method=method)
+    above = [0.0, 0.18, 0.18 + 1.1, 0.18 + 1.1 + 1.65]
+    jump = 0.5 * np.array([0, 0.6, 1.6, 2.6]) if kink.endswith("then x else 0") else np.zeros(4)
+    rows = []
+    for _ in range(2):
+        env.reset(seed=0)
+        for i, u in enumerate([0.1, 1.0, 1.0, 0.1]):
+            env.step([u])
+            rows.append(env.state.copy())
+            assert state(env, "w") == pytest.approx(above[i] + jump[i], abs=1e-6)
+        assert state(env, "x") == pytest.approx(2.2, abs=1e-7)
+        # Low from the start on, and again from the fourth step on.
+        assert (discrete(env, "te"), discrete(env, "k")) == (3.0, 2.0)
+    np.testing.assert_array_equal(rows[:4], rows[4:])
+
+
+@methods
+@counts
+def test_a_phase_whose_end_condition_holds_already_ends_where_it_begins(count, method):
+    text = """
+    state x = 0
+    state w = 0
+    eq d/dt x = 1
+    eq d/dt w = max(sin(3*x), 0)
+    discrete begun = 0
+    phase two for 1.472 then one { next begun = t }
+    phase one until x > -1 then two
+    """
+    env, _ = run(text, 10.0, count, method)
+    assert discrete(env, "begun") == pytest.approx(6 * 1.472, abs=1e-9)

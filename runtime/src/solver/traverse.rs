@@ -250,11 +250,13 @@ pub(crate) trait Traverse {
     /// Steps to a time before the next break, or to an event or switch. Equations that change their form inside of a step spoil its polynomial: the step is taken
     /// again up to where the first thing happened, and a short one beyond it.
     fn solve_precisely(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        let start = self.time();
         let mut advance = self.solve(t_end)?;
         let fine = self.span(FINE);
         for _ in 0..REPEATS {
             let at = self.time();
-            let began = self.step_began().filter(|began| at - began > fine);
+            // What happens at a restart happens in no step: the last one lies before it.
+            let began = self.step_began().map(|began| began.max(start)).filter(|began| at - began > fine);
             let watch = self.watched().0;
             let Some(began) = began.filter(|_| advance == Advance::Event && watch.has_switches() && !watch.at_tie) else { break };
             self.interpolate(began)?;
