@@ -171,7 +171,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     # Access as of the vectorisers of Gymnasium.
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """The attribute for each sub-environment (`state`, `time`, or what all share)."""
+        """The attribute for each sub-environment (`state`, `discrete`, or what all share)."""
         if name == "state":
             return tuple(self.state)
         if name == "discrete":
