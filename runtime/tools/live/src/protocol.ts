@@ -274,10 +274,10 @@ export interface StructureResult {
   stale: boolean;
   states: StructureRow[];
   algebraic: StructureRow[];
-  equations: { unknown: string; count?: number; range: Location | null; line: number | null; uri: string; text: string }[];
+  equations: { unknown: string; count?: number; range: Location | null; line: number | null; uri?: string; text: string }[];
   blocks: { size: number; unknowns: string[] }[];
   explicit: boolean;
-  method: string;
+  method?: string;
   nonzeros: number | null;
   roots: { name: string; action: string }[];
   invariants: string[];
@@ -285,8 +285,8 @@ export interface StructureResult {
 
 export interface EquationEntry {
   latex: string;
-  uri: string;
-  range: Range | null;
+  uri?: string;
+  range: Location | null;
   kind: string;
   text: string;
   name: string;

@@ -3,7 +3,7 @@
 import type { App } from "../app.ts";
 import { fill, h } from "../dom.ts";
 import { typesetMath } from "../math.ts";
-import type { EquationEntry, EquationsResult, Range } from "../protocol.ts";
+import type { EquationEntry, EquationsResult } from "../protocol.ts";
 import { Follower } from "../follower.ts";
 import type { Tab } from "./tab.ts";
 
@@ -44,11 +44,15 @@ export class Equations implements Tab {
   cursor(uri: string, line: number): void {
     let found: HTMLElement | null = null;
     for (const { entry, element } of this.rows) {
-      const here = entry.uri === uri && entry.range !== null && entry.range.start.line <= line && entry.range.end.line >= line;
+      const here = this.address(entry) === uri && entry.range !== null && entry.range.start.line <= line && entry.range.end.line >= line;
       element.classList.toggle("at-cursor", here);
       if (here && !found && entry.kind !== "heading") found = element;
     }
     if (this.visible && found) found.scrollIntoView({ block: "nearest" });
+  }
+
+  private address(entry: EquationEntry): string | null {
+    return entry.range?.uri ?? entry.uri ?? this.app.main.value;
   }
 
   private ask(): void {
@@ -70,10 +74,15 @@ export class Equations implements Tab {
       if (this.drawn.size > 2000) this.drawn.clear();
       this.drawn.set(entry.latex, math);
     }
-    const go = () => { if (entry.range) this.app.goTo(entry.uri, entry.range as Range); };
+    const caption = /"([^"]*)"\s*$/.exec(entry.text)?.[1];
+    const go = () => {
+      const uri = this.address(entry);
+      if (entry.range && uri) this.app.goTo(uri, entry.range);
+    };
     return h(
       "button", { type: "button", class: `equation ${entry.kind}`, onclick: go, title: entry.text, "aria-label": `${entry.kind} ${entry.name}: show its line in the text` },
       math.cloneNode(true),
+      caption ? h("span", { class: "equation-caption" }, caption) : null,
       entry.range ? h("span", { class: "equation-line" }, String(entry.range.start.line + 1)) : null,
     );
   }

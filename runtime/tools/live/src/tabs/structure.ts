@@ -63,8 +63,8 @@ export class Structure implements Tab {
       h(
         "div", { class: "cards" },
         card(total(r.states), "differential states"), card(total(solved), "algebraic unknowns, solved"), card(total(substituted), "algebraic, substituted"),
-        r.nonzeros === null ? null : card(r.nonzeros, "entries of the Jacobian"), card(r.blocks.length, largest > 1 ? `blocks, the largest of ${largest}` : "blocks"),
-        card(r.explicit ? "explicit" : "implicit", `in its derivatives; method ${r.method}`),
+        r.nonzeros === null ? null : card(r.nonzeros, "entries of the Jacobian"), r.blocks.length > 0 ? card(r.blocks.length, largest > 1 ? `blocks, the largest of ${largest}` : "blocks") : null,
+        card(r.explicit ? "explicit" : "implicit", `in its derivatives${r.method ? `; method ${r.method}` : ""}`),
       ),
       section("Which equation determines what", table(["Unknown", "Equation", "Line"], r.equations.slice(0, MOST).map((e) => [mono(e.unknown), mono(e.text), this.line(e.uri, e.range, e.line)]), [2]), r.equations.length),
       section("States", this.names(r.states), r.states.length),
