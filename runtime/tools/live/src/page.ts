@@ -216,6 +216,7 @@ export class Page implements App {
     if (this.main.value !== document.uri) {
       this.main.set(document.uri);
       this.model.set(null);
+      this.result.set(null);
       this.pinned.set([]);
       this.chosen.set(null);
       this.shared.zoom.set(null);

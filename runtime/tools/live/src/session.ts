@@ -81,11 +81,9 @@ export class Session {
       (model) => {
         if (this.app.main.value !== uri) return;
         this.modelKey = key;
-        const first = this.app.model.value?.uri !== model.uri;
         this.app.model.set(model);
         const kept = pruned(settings.value, model);
         if (JSON.stringify(kept) !== JSON.stringify(settings.value)) settings.set(kept);
-        if (first) this.runs.touch();
       },
       (error: unknown) => this.failed(error),
     );

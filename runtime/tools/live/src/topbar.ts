@@ -115,6 +115,7 @@ export class TopBar {
       "line",
       { label: "Light or dark", run: toggleTheme },
       { label: "Keyboard", run: () => void keyboardHelp() },
+      { label: "Licences", run: () => void open("licenses.txt", "_blank", "noopener") },
       { label: "All models", run: actions.home },
     ];
   }

@@ -104,7 +104,7 @@ export class Steady implements Tab {
       this.ask();
     };
     return h(
-      "form", { class: "fix", onsubmit: (e: Event) => { e.preventDefault(); apply(); } },
+      "form", { class: "fix-form", onsubmit: (e: Event) => { e.preventDefault(); apply(); } },
       h("p", {}, "The equations leave these states free. Fix them to choose one steady state."),
       ...fields.map((f) => f.row), h("div", { class: "row" }, h("button", { type: "submit", class: "primary small" }, "Apply"), button("Clear", () => { this.fixed = {}; this.ask(); }, { class: "small" })),
     );

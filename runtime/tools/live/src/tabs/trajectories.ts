@@ -45,6 +45,7 @@ export class Trajectories implements Tab {
     });
     resize.observe(this.grid);
     app.result.subscribe(() => this.paint());
+    app.model.subscribe(() => this.paint());
     app.pinned.subscribe(() => this.paint());
     app.chosen.subscribe(() => this.paint());
     app.shared.theme.subscribe(() => this.paint());
