@@ -103,6 +103,22 @@ test("a variant changes the curves", options, async () => {
   });
 });
 
+test("panels keep their names when a variant adds a quantity", options, async () => {
+  const uri = await shipped(server, "reactor");
+  await withTank(
+    async (page) => {
+      const unit = panel(page, "V").locator(".panel-unit");
+      assert.equal(await unit.textContent(), "m³");
+      await page.getByText("Variants and choices").click();
+      await page.getByLabel(/^fouling/).check();
+      await panel(page, "U").locator(".panel-unit").waitFor();
+      assert.equal(await panel(page, "U").locator(".panel-unit").textContent(), "kJ/(min m² K)");
+      assert.equal(await unit.textContent(), "m³");
+    },
+    { uri },
+  );
+});
+
 test("the steady state is shown with its eigenvalues", options, async () => {
   await withTank(async (page) => {
     await page.getByRole("tab", { name: "Steady state" }).click();

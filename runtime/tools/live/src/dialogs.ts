@@ -98,7 +98,7 @@ export function toast(text: string, kind: "info" | "error" = "info"): void {
 /** A button with a menu below it. Arrow keys move, Escape closes. */
 export function menu(label: Child[], name: string, entries: () => Array<{ label: string; note?: string; run: () => void } | "line">): HTMLElement {
   const list = h("div", { class: "menu-list", role: "menu", "aria-label": name, hidden: true });
-  const opener = h("button", { type: "button", class: "menu-button", "aria-haspopup": "menu", "aria-expanded": "false" });
+  const opener = h("button", { type: "button", class: "menu-button", "aria-label": name, "aria-haspopup": "menu", "aria-expanded": "false" });
   fill(opener, ...label);
   const holder = h("div", { class: "menu" }, opener, list);
   const items = () => [...list.querySelectorAll<HTMLButtonElement>("button")];

@@ -4,7 +4,7 @@ import type { App } from "./app.ts";
 import { showText, toast } from "./dialogs.ts";
 import { mathmlText } from "./math.ts";
 import type { EquationsResult, Exported } from "./protocol.ts";
-import { shownPanels } from "./tabs/trajectories.ts";
+import { shownPanels } from "./plans.ts";
 
 type Format = "csv" | "parquet" | "svg" | "png" | "pdf" | "yaml" | "python" | "html";
 

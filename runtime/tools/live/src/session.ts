@@ -4,7 +4,7 @@ import type { App } from "./app.ts";
 import { type Client, RpcError } from "./client.ts";
 import { Follower } from "./follower.ts";
 import { unpack } from "./packed.ts";
-import { shownPanels } from "./tabs/trajectories.ts";
+import { shownPanels } from "./plans.ts";
 import { ErrorCode, type Model, type RunResult } from "./protocol.ts";
 import { compiledKey, pruned } from "./settings.ts";
 import { Signal } from "./signal.ts";

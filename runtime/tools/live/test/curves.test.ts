@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { lastNotAbove, unpack } from "../src/packed.ts";
+import { panelKey } from "../src/plans.ts";
 import { panelData, valueAt, verticalRange } from "../src/plots/curves.ts";
 import type { PanelPlan, Run, RunResult } from "../src/protocol.ts";
 
@@ -71,6 +72,11 @@ test("crowded panels keep the most changing curves and count the others", () => 
   const data = panelData(plan(...Object.keys(columns).map((n) => line(n))), result([columns]), [], false, 8);
   assert.equal(data.left, 4);
   assert.deepEqual(data.curves.map((c) => c.label), ["x4", "x5", "x6", "x7", "x8", "x9", "x10", "x11"]);
+});
+
+test("a panel is the same when the numbers of panels move", () => {
+  assert.equal(panelKey({ ...plan(line("x")), id: 3 }), panelKey({ ...plan(line("x")), id: 4 }));
+  assert.notEqual(panelKey(plan(line("x"))), panelKey({ ...plan(line("x")), title: "y" }));
 });
 
 test("a pinned run is a ghost in the colour of its curve", () => {

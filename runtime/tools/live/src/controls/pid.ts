@@ -15,7 +15,7 @@ export class PidSection {
   private readonly on = h("input", { type: "checkbox", id: "pid-on" });
   private readonly measured = h("select", { id: "pid-measured" });
   private readonly action = h("select", { id: "pid-action" });
-  private readonly sign = h("select", { id: "pid-sign" }, h("option", { value: "1" }, "direct: action rises with the error"), h("option", { value: "-1" }, "reverse: action falls with the error"));
+  private readonly sign = h("select", { id: "pid-sign" }, h("option", { value: "1" }, "direct: rises with error"), h("option", { value: "-1" }, "reverse: falls with error"));
   private readonly rows = h("div", {});
   private readonly badge = h("span", { class: "badge" });
   private built = "";

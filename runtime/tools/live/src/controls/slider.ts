@@ -36,6 +36,11 @@ export class SliderRow {
     });
     this.range.addEventListener("change", () => { this.dragging = false; this.paint(); });
     this.range.addEventListener("dblclick", () => this.restore());
+    this.field.addEventListener("focus", () => { this.field.value = plainNumber(this.shown); this.field.select(); });
+    this.field.addEventListener("blur", () => {
+      this.field.removeAttribute("aria-invalid");
+      this.paint();
+    });
     this.field.addEventListener("change", () => this.typed());
     this.field.addEventListener("keydown", (event) => this.step(event));
     this.update(control, null);
@@ -61,7 +66,7 @@ export class SliderRow {
     this.element.classList.toggle("changed", changed);
     this.element.classList.toggle("drawn", Boolean(this.control.drawn) && !changed);
     this.reset.hidden = !changed;
-    if (document.activeElement !== this.field) this.field.value = this.control.value === null && !changed ? "" : plainNumber(Number(this.shown.toPrecision(7)));
+    if (document.activeElement !== this.field) this.field.value = this.control.value === null && !changed ? "" : plainNumber(Number(this.shown.toPrecision(6)));
     const share = shareOf(trackOf(this.control), this.shown);
     if (!this.dragging) this.range.value = String(Math.round(share * 1000));
     this.range.style.setProperty("--share", `${share * 100}%`);
@@ -90,7 +95,7 @@ export class SliderRow {
     const out = value === null || (this.control.low !== null && value < this.control.low) || (this.control.high !== null && value > this.control.high);
     this.field.setAttribute("aria-invalid", String(out));
     this.field.title = out ? (value === null ? "not a number" : bounds(this.control)) : "";
-    if (value !== null && !out) this.set(value);
+    if (value !== null && !out && value !== Number(plainNumber(this.shown))) this.set(value);
   }
 
   private step(event: KeyboardEvent): void {

@@ -1,6 +1,7 @@
 // From runs to what a panel draws: curves, bands of several seeds, ghosts of pinned runs, families of a sweep.
 
 import { extent, lastNotAbove, unpack } from "../packed.ts";
+import { panelKey } from "../plans.ts";
 import { curveColour, viridis } from "../palette.ts";
 import type { LineStyle, PanelPlan, Run, RunResult } from "../protocol.ts";
 import { padded } from "../ticks.ts";
@@ -51,7 +52,7 @@ const DASHES: number[][] = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 
 /** What a panel shows of a result and of pinned runs. */
 export function panelData(plan: PanelPlan, result: RunResult, pinned: readonly Pinned[], dark: boolean, most = Infinity): PanelData {
-  const data: PanelData = { id: String(plan.id), title: plan.title, unit: plan.unit, text: plan.text, role: plan.role, curves: [], ghosts: [], ribbons: [], levels: [], left: 0 };
+  const data: PanelData = { id: panelKey(plan), title: plan.title, unit: plan.unit, text: plan.text, role: plan.role, curves: [], ghosts: [], ribbons: [], levels: [], left: 0 };
   const { runs } = result;
   const sweep = runs.length > 1 && runs.some((r) => r.value !== null);
   const lines = shownLines(plan, runs[0], most);

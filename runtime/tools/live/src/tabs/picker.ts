@@ -3,6 +3,7 @@
 import type { App } from "../app.ts";
 import { button, fill, h } from "../dom.ts";
 import { typesetUnit } from "../numbers.ts";
+import { panelKey } from "../plans.ts";
 import type { PanelPlan } from "../protocol.ts";
 
 const ROLES: Record<string, string> = {
@@ -42,11 +43,11 @@ export function quantityPicker(app: App): HTMLElement {
 }
 
 function current(app: App): Set<string> {
-  return new Set(app.chosen.value ?? app.model.value?.panels.filter((p) => p.first).map((p) => String(p.id)) ?? []);
+  return new Set(app.chosen.value ?? app.model.value?.panels.filter((p) => p.first).map(panelKey) ?? []);
 }
 
 function setAll(app: App, on: boolean, paint: () => void): void {
-  app.chosen.set(new Set(on ? (app.model.value?.panels.map((p) => String(p.id)) ?? []) : []));
+  app.chosen.set(new Set(on ? (app.model.value?.panels.map(panelKey) ?? []) : []));
   app.refresh();
   paint();
 }
@@ -60,15 +61,15 @@ function groups(app: App, text: string): Node[] {
     byHeading.set(heading, [...(byHeading.get(heading) ?? []), panel]);
   }
   if (panels.length === 0) return [h("p", { class: "note" }, "No quantity has this name.")];
-  return [...byHeading].map(([heading, members]) => h("fieldset", {}, h("legend", {}, heading), ...members.map((panel) => entry(app, panel, chosen.has(String(panel.id))))));
+  return [...byHeading].map(([heading, members]) => h("fieldset", {}, h("legend", {}, heading), ...members.map((panel) => entry(app, panel, chosen.has(panelKey(panel))))));
 }
 
 function entry(app: App, panel: PanelPlan, on: boolean): HTMLElement {
   const box = h("input", { type: "checkbox", checked: on });
   box.addEventListener("change", () => {
     const next = current(app);
-    if (box.checked) next.add(String(panel.id));
-    else next.delete(String(panel.id));
+    if (box.checked) next.add(panelKey(panel));
+    else next.delete(panelKey(panel));
     app.chosen.set(next);
     app.refresh();
   });

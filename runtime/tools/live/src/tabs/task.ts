@@ -50,7 +50,7 @@ export class Task implements Tab {
     fill(
       this.cards,
       h("div", { class: "card" }, h("b", {}, formatNumber(run.episode_return, 6)), h("small", {}, `episode return: sum of ${run.reward || "the reward"}`)),
-      h("div", { class: `card ${failed ? "bad" : run.end.kind === "success" ? "good" : ""}` }, h("b", {}, ENDS[run.end.kind] ?? run.end.kind), h("small", {}, [run.end.name, run.end.message].filter(Boolean).join(": ") || `after ${run.end.step} steps, ${time}`)),
+      h("div", { class: `card ${failed ? "bad" : run.end.kind === "success" ? "good" : ""}` }, h("b", {}, ENDS[run.end.kind] ?? run.end.kind), h("small", {}, reason(run.end) || `after ${run.end.step} steps`)),
       h("div", { class: "card" }, h("b", {}, String(run.end.step)), h("small", {}, `steps, ${time}`)),
       run.excursion ? h("div", { class: "card fair" }, h("b", {}, "Bounds"), h("small", {}, run.excursion)) : null,
       h("div", { class: "card" }, h("b", {}, formatDuration(result.ms.run)), h("small", {}, `to simulate${run.statistics.steps ? `, ${run.statistics.steps} solver steps` : ""}`)),
@@ -61,14 +61,17 @@ export class Task implements Tab {
       h("h3", {}, "Rewards"),
       table(["Reward", "Sum", "Unit", "Meaning"], run.rewards.map((r) => [h("span", { class: "mono" }, r.name + (r.name === run.reward ? " (chosen)" : "")), formatNumber(r.total, 6), typesetUnit(r.unit), r.text]), [1]),
       ...(run.constraints.length ? [h("h3", {}, "Constraints"), table(["Constraint", "Largest violation", "At step", "Steps violated"], run.constraints.map((c) => [h("span", { class: "mono" }, c.name), formatNumber(c.worst), c.step_of_worst ?? "–", violated(unpack(c.values))]), [1, 2, 3])] : []),
-      ...(result.runs.length > 1 ? [h("h3", {}, "All runs"), table(["Run", "Return", "Steps", "End"], result.runs.map((r) => [r.label || `seed ${r.seed}`, formatNumber(r.episode_return, 6), r.end.step, [ENDS[r.end.kind] ?? r.end.kind, r.end.name].filter(Boolean).join(": ")]), [1, 2])] : []),
+      ...(result.runs.length > 1 ? [h("h3", {}, "All runs"), table(["Run", "Return", "Steps", "End"], result.runs.map((r) => [r.label || `seed ${r.seed}`, formatNumber(r.episode_return, 6), r.end.step, [ENDS[r.end.kind] ?? r.end.kind, reason(r.end)].filter(Boolean).join(": ")]), [1, 2])] : []),
     );
   }
 
   private paintPanels(run: Run): void {
     const wanted = [
-      ...run.rewards.flatMap((r) => [this.data(run, `reward ${r.name}`, r.unit, r.text, "reward", unpack(r.values)), this.sum(run, r.name, r.unit, unpack(r.values))]),
-      ...run.constraints.map((c) => this.data(run, `cost of ${c.name}`, "1", "constraint violation", "constraint", unpack(c.values))),
+      ...run.rewards.flatMap((r) => [
+        this.data(run, r.name, r.unit, r.text || "reward", "reward", unpack(r.values)),
+        ...(r.name === run.reward ? [this.sum(run, r.name, r.unit, unpack(r.values))] : []),
+      ]),
+      ...run.constraints.filter((c) => (c.worst ?? 0) > 0).map((c) => this.data(run, c.name, "1", "constraint violation", "constraint", unpack(c.values))),
     ].slice(0, 24);
     const names = new Set(wanted.map((d) => d.id));
     for (const [id, panel] of this.panels) {
@@ -100,8 +103,15 @@ export class Task implements Tab {
     let total = 0;
     const sums = values.map((v) => (total += Number.isNaN(v) ? 0 : v));
     const ys = values.length === unpack(run.grids.step).length ? sums : Float64Array.from([0, ...sums]);
-    return this.data(run, `sum of ${name}`, unit, "cumulative reward", "reward", ys, "line");
+    return this.data(run, `sum of ${name}`, unit, "reward up to the time", "reward", ys, "line");
   }
+}
+
+/** Name and message of an end, without what the kind says already. */
+function reason(end: End): string {
+  const plain = end.kind.replace("_", " ");
+  const parts = [end.name, end.message].filter((text) => text && text !== plain);
+  return [...new Set(parts)].join(": ");
 }
 
 function violated(values: Float64Array): number {

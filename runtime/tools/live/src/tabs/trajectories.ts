@@ -4,6 +4,7 @@ import type { App } from "../app.ts";
 import { button, fill, h, icon } from "../dom.ts";
 import { formatNumber, formatQuantity, typesetUnit } from "../numbers.ts";
 import { bandColour } from "../palette.ts";
+import { panelKey, shownPanels } from "../plans.ts";
 import { panelData, sweepColour } from "../plots/curves.ts";
 import { FieldPanel } from "../plots/field.ts";
 import { Panel } from "../plots/panel.ts";
@@ -24,6 +25,7 @@ export class Trajectories implements Tab {
   private readonly clock = h("output", { class: "strip-clock", "aria-live": "off" });
   private readonly zoomOut: HTMLButtonElement;
   private readonly note = h("p", { class: "note more-panels" });
+  private readonly waiting = h("p", { class: "note" }, "Simulating …");
   private panels = new Map<string, Panel>();
   private fieldPanels = new Map<string, FieldPanel>();
   private readonly observer: IntersectionObserver;
@@ -35,7 +37,7 @@ export class Trajectories implements Tab {
   constructor(app: App) {
     this.app = app;
     this.zoomOut = button("Whole run", () => app.shared.zoom.set(null), { class: "small", hidden: true });
-    this.element = h("section", { class: "tab-body" }, h("div", { class: "tab-bar-inner" }, quantityPicker(app), this.zoomOut, this.clock), this.strip, this.grid, this.note, this.fields);
+    this.element = h("section", { class: "tab-body" }, h("div", { class: "tab-bar-inner" }, quantityPicker(app), this.zoomOut, this.clock), this.strip, this.waiting, this.grid, this.note, this.fields);
     this.observer = new IntersectionObserver(
       (entries) => entries.forEach((e) => this.owners.get(e.target)?.show(e.isIntersecting && this.visible)),
       { rootMargin: "200px" },
@@ -68,16 +70,18 @@ export class Trajectories implements Tab {
 
   private paint(): void {
     const [model, result] = [this.app.model.value, this.app.result.value];
+    this.waiting.hidden = result !== null;
     if (!model || !result || !this.visible) {
       this.stale = true;
+      this.keep(this.panels, new Set(result ? this.panels.keys() : []));
       return;
     }
     this.stale = false;
     this.paintStrip(result);
     const plans = shownPanels(model, this.app.chosen.value, result);
-    this.keep(this.panels, new Set(plans.map((p) => String(p.id))));
+    this.keep(this.panels, new Set(plans.map(panelKey)));
     plans.forEach((plan, place) => {
-      const panel = this.panels.get(String(plan.id)) ?? this.addPanel(plan, model);
+      const panel = this.panels.get(panelKey(plan)) ?? this.addPanel(plan, model);
       if (this.grid.children[place] !== panel.element) this.grid.insertBefore(panel.element, this.grid.children[place] ?? null);
       panel.update(panelData(plan, result, this.app.pinned.value, this.app.shared.theme.value.dark, panel.enlarged ? Infinity : MOST_LINES));
     });
@@ -105,7 +109,7 @@ export class Trajectories implements Tab {
     const range = control?.range;
     const panel = new Panel(this.app.shared, plan.title, plan.text, range ? () => this.app.goTo(range.uri ?? model.uri, range) : undefined);
     panel.onEnlarge = () => this.paint();
-    this.panels.set(String(plan.id), panel);
+    this.panels.set(panelKey(plan), panel);
     this.watch(panel);
     return panel;
   }
@@ -159,11 +163,4 @@ export class Trajectories implements Tab {
     const phase = shared.marks.phases.find((p) => time >= p.from && time < p.to);
     this.clock.textContent = `${this.app.model.value?.time.name ?? "t"} = ${formatNumber(time, 4)} ${typesetUnit(shared.timeUnit)}${phase ? ` · ${phase.name}` : ""}`;
   }
-}
-
-/** Panels in force: those that are chosen, else those that the model proposes and the run has. */
-export function shownPanels(model: Model, chosen: ReadonlySet<string> | null, result: RunResult | null): PanelPlan[] {
-  const present = new Set(result?.runs[0]?.columns.map((c) => c.name));
-  const wanted = model.panels.filter((p) => (chosen ? chosen.has(String(p.id)) : p.first));
-  return result ? wanted.filter((p) => p.lines.some((l) => present.has(l.column))) : wanted;
 }
