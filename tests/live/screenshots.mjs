@@ -10,7 +10,7 @@ if (missing) {
 
 const server = await serve({ "tank.eq": TANK });
 const reactor = await shipped(server, "reactor");
-const atropine = await shipped(server, "atropine");
+const mab = await shipped(server, "mab");
 
 async function picture(name, uri, act, options = {}) {
   const { page, close } = await open(server, uri, { deviceScaleFactor: 1, ...options });
@@ -43,9 +43,7 @@ await picture("live-error", server.uri("tank.eq"), async (page) => {
   await page.waitForTimeout(900);
 });
 await picture("live-steady", reactor, tab("Steady state"), { colorScheme: "dark" });
-await picture("live-field", atropine, async (page) => {
-  await slide(page, "dq1", 0.6);
-  await page.waitForTimeout(3000);
+await picture("live-field", mab, async (page) => {
   await page.locator(".fields").evaluate((e) => e.scrollIntoView());
 });
 await picture("live-phone", reactor, async (page) => {

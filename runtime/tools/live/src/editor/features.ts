@@ -1,6 +1,7 @@
 // What the editor asks the language server: completion, hover, definition, rename, format, hints.
 
 import { autocompletion, type Completion, type CompletionContext, type CompletionResult, snippet } from "@codemirror/autocomplete";
+import { forEachDiagnostic } from "@codemirror/lint";
 import { type EditorState, type Extension, RangeSetBuilder, StateEffect, StateField } from "@codemirror/state";
 import { Decoration, type DecorationSet, EditorView, hoverTooltip, ViewPlugin, type ViewUpdate, WidgetType } from "@codemirror/view";
 import type { Client } from "../client.ts";
@@ -77,9 +78,17 @@ function toCompletion(item: CompletionItem): Completion {
   };
 }
 
+/** Whether a diagnostic is at that place; its own tooltip is then the only one. */
+function hasDiagnostic(state: EditorState, pos: number): boolean {
+  let found = false;
+  forEachDiagnostic(state, (_, from, to) => { found ||= from <= pos && pos <= to; });
+  return found;
+}
+
 function hover(client: Client): Extension {
   return hoverTooltip(
     async (view, pos) => {
+      if (hasDiagnostic(view.state, pos)) return null;
       const uri = view.state.field(documentUri);
       const result = await client
         .request<{ contents: unknown; range?: Range } | null>("textDocument/hover", { textDocument: { uri }, position: positionOf(view.state.doc, pos) })

@@ -68,7 +68,7 @@ export class Steady implements Tab {
       this.element,
       this.summary(result),
       this.freedom(result),
-      h("div", { class: "steady-columns" }, h("div", {}, ...this.values(result)), result.eigenvalues?.length ? this.eigen(result, unit) : null),
+      this.columns(result, unit),
     );
   }
 
@@ -84,6 +84,11 @@ export class Steady implements Tab {
       h("div", { class: "card" }, h("b", {}, String(result.iterations ?? "–")), h("small", {}, "Newton iterations")),
       result.others ? h("div", { class: "card" }, h("b", {}, String(result.others.length)), h("small", {}, "other steady states found")) : null,
     );
+  }
+
+  private columns(result: SteadyResult, unit: string): HTMLElement {
+    const [first, ...rest] = this.values(result);
+    return h("div", { class: "steady-columns" }, first, result.eigenvalues?.length ? this.eigen(result, unit) : null, ...rest);
   }
 
   /** Fields for states that the equations leave free. */
@@ -113,9 +118,9 @@ export class Steady implements Tab {
   private values(result: SteadyResult): HTMLElement[] {
     const groups = new Map<string, SteadyValue[]>();
     for (const value of result.values) groups.set(value.role, [...(groups.get(value.role) ?? []), value]);
-    const others = result.others ?? [];
-    return [...groups].map(([role, values]) =>
-      h(
+    return [...groups].map(([role, values]) => {
+      const others = (result.others ?? []).filter((o) => values.some((v) => o.values.some((x) => x.name === v.name)));
+      return h(
         "div", {}, h("h3", {}, ROLES[role] ?? role),
         table(
           ["Name", "Value", ...others.map((_, i) => (others.length > 1 ? `Other ${i + 1}` : "Other")), "Unit"],
@@ -128,8 +133,8 @@ export class Steady implements Tab {
           [1, ...others.map((_, i) => i + 2)],
         ),
         values.length > 400 ? h("p", { class: "note" }, `${values.length - 400} more values are not listed.`) : null,
-      ),
-    );
+      );
+    });
   }
 
   private eigen(result: SteadyResult, unit: string): HTMLElement {

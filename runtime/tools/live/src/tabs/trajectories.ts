@@ -86,7 +86,7 @@ export class Trajectories implements Tab {
       panel.update(panelData(plan, result, this.app.pinned.value, this.app.shared.theme.value.dark, panel.enlarged ? Infinity : MOST_LINES));
     });
     const hidden = model.panels.length - plans.length;
-    this.note.textContent = hidden > 0 ? `${hidden} more quantities are under “Quantities”.` : "";
+    this.note.textContent = hidden > 0 ? `${hidden} more under “Quantities”.` : "";
     const fields = result.runs[0]?.fields ?? [];
     this.keep(this.fieldPanels, new Set(fields.map((f) => f.name)));
     for (const field of fields) {
