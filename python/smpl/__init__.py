@@ -54,7 +54,7 @@ def __getattr__(name: str) -> ModuleType:
 
 
 def load_ipython_extension(shell: Any) -> None:
-    """`%load_ext smpl`: cells that begin with `%%smpl NAME` hold a model, which is checked, bound to the name and shown."""
+    """Add the cell magic `%%smpl NAME`: the model of the cell is checked, bound to the name, and shown."""
     from smpl._notebook import load
 
     load(shell)

@@ -32,24 +32,32 @@ class Live:
         if not browser:
             command.append("--no-open")
         self._folder = folder
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert self._process.stdout is not None and self._process.stderr is not None
-        self.url = self._process.stdout.readline().strip()
-        if not self.url:
-            message = self._process.stderr.read().strip().removeprefix("error: ")
-            self.close()
-            raise OSError(message or "the server of the live page did not start")
+        # A session of its own: what interrupts a cell of a notebook does not end the page.
+        with tempfile.TemporaryFile("w+", encoding="utf-8") as errors:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                start_new_session=True,
+            )
+            assert self._process.stdout is not None
+            self.url = self._process.stdout.readline().strip()
+            if not self.url:
+                self._process.wait()
+                errors.seek(0)
+                message = errors.read().strip().removeprefix("error: ")
+                self.close()
+                raise OSError(message or "the server of the live page did not start")
         _running.add(self)
 
     def close(self) -> None:
         """End the server; a second call does nothing."""
         self._process.terminate()
         self._process.wait()
-        for stream in (self._process.stdout, self._process.stderr):
-            if stream is not None:
-                stream.close()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None

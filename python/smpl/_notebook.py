@@ -85,4 +85,3 @@ def _excerpt(finding: Diagnostic, lines: Sequence[str], colour: str) -> str:
 def load(shell: Any) -> None:
     """Give a shell the cell magic `%%smpl`."""
     shell.register_magic_function(lambda line, text: cell(line, text, shell), "cell", "smpl")
-

@@ -106,6 +106,36 @@ fn curves_follow_the_text_and_the_controls() {
 }
 
 #[test]
+fn diagnostics_follow_every_change() {
+    let folder = Folder::new();
+    let file = folder.write("decay.eq", DECAY);
+    let live = live(&folder);
+    let mut page = live.page();
+    let answer = page.result("initialize", json!({"capabilities": {}, "workspaceFolders": [{"uri": "file:///", "name": "all"}]}));
+    assert_eq!(answer["capabilities"]["hoverProvider"], true);
+    page.notify("initialized", json!({}));
+    let name = page.open(&file, DECAY);
+    let published = |version: i32| {
+        move |message: &Value| message["method"] == "textDocument/publishDiagnostics" && message["params"]["version"] == version
+    };
+    let errors = |message: &Value| {
+        let all = message["params"]["diagnostics"].as_array().expect("diagnostics").clone();
+        all.into_iter().filter(|d| d["severity"] == 1).collect::<Vec<Value>>()
+    };
+    assert!(errors(&page.wait("diagnostics", published(1))).is_empty());
+    page.change(&name, 2, &DECAY.replace("u - k*x", "u - k"));
+    let found = errors(&page.wait("diagnostics", published(2)));
+    assert_eq!((found.len(), &found[0]["code"], &found[0]["range"]["start"]["line"]), (1, &json!("E0302-unit-mismatch"), &json!(6)));
+    page.change(&name, 3, DECAY);
+    assert!(errors(&page.wait("diagnostics", published(3))).is_empty());
+    let hover = page.result("textDocument/hover", json!({"textDocument": {"uri": name}, "position": {"line": 2, "character": 6}}));
+    assert!(hover["contents"]["value"].as_str().is_some_and(|text| text.contains("rate")), "{hover}");
+    // Files outside of the folder are none of the language server's.
+    let outside = json!({"textDocument": {"uri": "file:///etc/hosts.eq"}, "position": {"line": 0, "character": 0}});
+    assert_eq!(page.call("textDocument/hover", outside).expect_err("outside").0, 4);
+}
+
+#[test]
 fn sweeps_and_seeds_are_several_runs() {
     let folder = Folder::new();
     let file = folder.write("decay.eq", DECAY.replace("observe", "initial x ~ uniform(1, 3)\nobserve"));

@@ -254,7 +254,7 @@ impl Page {
         self.compute.work(|job| {
             let mut benches = benches.lock().unwrap_or_else(PoisonError::into_inner);
             smpl_runtime::interrupt::follow(job.stop.flag());
-            let result = guarded(|| self.compute(&job, &mut benches));
+            let result = guarded(|| self.compute(&job, &mut benches)).map_err(|fault| job.stop.or(fault));
             self.outbox.send(&answer(job.id, result));
         });
     }
@@ -262,7 +262,7 @@ impl Page {
     fn describe_lane(&self) {
         self.describe.work(|job| {
             smpl_runtime::interrupt::follow(job.stop.flag());
-            let result = guarded(|| self.describe(&job));
+            let result = guarded(|| self.describe(&job)).map_err(|fault| job.stop.or(fault));
             self.outbox.send(&answer(job.id, result));
         });
     }

@@ -78,6 +78,11 @@ impl Stop {
         }
     }
 
+    /// The error of the stop where there was one, else `fault`: what fails after a stop fails by it.
+    pub(crate) fn or(&self, fault: Fault) -> Fault {
+        if self.flag.load(Ordering::Relaxed) { self.fault() } else { fault }
+    }
+
     fn is_beyond_grace(&self) -> bool {
         let begin = *self.begin.lock().unwrap_or_else(PoisonError::into_inner);
         begin.is_some_and(|begin| begin.elapsed() > GRACE)

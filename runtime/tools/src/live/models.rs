@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use smpl_dsl::diagnostic::JsonDiagnostic;
+use smpl_runtime::interrupt;
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded, OpenTexts, load_open};
 use smpl_runtime::scenario;
 use smpl_runtime::setup::{EnvironmentOptions, Setup, SetupError};
@@ -91,7 +92,11 @@ impl Models {
     }
 
     fn keep_valid(&self, compiled: &Compiled) {
-        let texts = texts_of(&compiled.loaded).collect();
+        let mut texts: BTreeMap<PathBuf, String> = texts_of(&compiled.loaded).collect();
+        // The page may name the file by a path with links.
+        if let Some(main) = compiled.loaded.sources.file(smpl_dsl::span::FileId(0)) {
+            texts.insert(compiled.path.clone(), main.text().to_owned());
+        }
         self.valid.lock().unwrap_or_else(PoisonError::into_inner).insert(compiled.path.clone(), Arc::new(texts));
     }
 
@@ -200,6 +205,10 @@ impl Compiled {
         }
         let (model, sources) = (Arc::clone(&self.loaded.model), Some(Arc::clone(&self.loaded.sources)));
         let setup = if steady { Setup::without_steady(model, options, sources) } else { Setup::new(model, options, sources) }?;
+        // A search for the steady state that was interrupted has found nothing.
+        if interrupt::requested() {
+            return Ok(setup);
+        }
         if setups.len() >= MOST_SETUPS {
             setups.remove(0);
         }
