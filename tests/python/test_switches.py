@@ -542,7 +542,7 @@ def test_an_algebraic_variable_that_jumps_is_followed(count, method):
 @methods
 @pytest.mark.parametrize("kink", ["max(x - 0.5, 0)", "if x > 0.5 then x - 0.5 else 0", "if x > 0.5 then x else 0"])
 def test_an_event_that_an_action_brings_happens_at_the_start_of_the_step(kink, method):
-    # x' = u for one unit of time each: x is 0.1, 1.1, 2.1, 2.2. The kink is passed at 1.4, in the step before the last ones.
+    # x is 0.1, 1.1, 2.1, 2.2 at the ends of the steps. The kink is passed at 1.4, before the step of the second event.
     text = f"""
     time t : 1
     action u = 1 in 0..2
