@@ -7,7 +7,7 @@ use crate::functions::Function;
 use crate::generate::{CompiledFn, Executable, Surroundings};
 use crate::ir::{Builtin, VarId};
 use crate::kernels;
-use crate::layout::Layout;
+use crate::layout::{Base, Layout};
 pub use crate::layout::{Memory, Part, Region};
 use crate::model::{Interface, Model, Quantity, Root};
 
@@ -141,6 +141,18 @@ impl CompiledModel {
     #[must_use]
     pub fn watched_unknowns(&self) -> &[u32] {
         &self.parts.watched.unknowns
+    }
+
+    /// Places in the workspace of what root functions read besides unknowns; `None` where they read the time or rates, too.
+    #[must_use]
+    pub fn watched_inputs(&self) -> Option<Vec<usize>> {
+        let mut places = Vec::new();
+        for &(var, flavour) in self.parts.watched.inputs.as_ref()? {
+            let address = self.layout.address(var, flavour).filter(|address| address.base == Base::Work)?;
+            let first = address.offset as usize;
+            places.extend(first..first + self.parts.model.vars[var].len as usize);
+        }
+        Some(places)
     }
 
     /// Whether a root function looks at derivatives of the unknowns.

@@ -343,6 +343,8 @@ pub(crate) struct Watched {
     pub kinds: Vec<WatchKind>,
     /// The unknowns that root functions read, by their place in `y`.
     pub unknowns: Vec<u32>,
+    /// The other variables that they and their bounds read; `None` where time moves them, too.
+    pub inputs: Option<Vec<(VarId, Flavour)>>,
 }
 
 /// Kind of a root function.
@@ -390,6 +392,9 @@ impl Watched {
             watched.kinds = watched.find_kinds(model, &pairs);
         }
         watched.unknowns = unknowns_read(model, &roots);
+        let guides = watched.switches.iter().filter_map(|switch| switch.guide);
+        let read: Vec<ExprId> = roots.iter().map(|(_, root)| *root).chain(guides).collect();
+        watched.inputs = inputs_read(model, &read);
         watched
     }
 
@@ -423,6 +428,21 @@ impl Switch {
         let (own, shared, first) = (passes(own), passes(shared), self.group);
         (0..own).flat_map(move |pass| std::iter::repeat_n(first + pass, shared as usize))
     }
+}
+
+/// The variables other than unknowns that expressions read; `None` where they read the time, too.
+fn inputs_read(model: &Model, read: &[ExprId]) -> Option<Vec<(VarId, Flavour)>> {
+    if model.exprs.below(read.iter().copied()).any(|e| matches!(model.exprs.node(e), Expr::Time)) {
+        return None;
+    }
+    let is_input = |var: VarId, flavour| flavour != Flavour::Value || !model.unknowns.contains(&var);
+    let mut inputs = Vec::new();
+    for (var, flavour, _) in read.iter().flat_map(|&e| model.exprs.loads(e, is_input)) {
+        if !inputs.contains(&(var, flavour)) {
+            inputs.push((var, flavour));
+        }
+    }
+    Some(inputs)
 }
 
 /// The unknowns that expressions over loops read, by their place in `y`.

@@ -15,6 +15,9 @@ use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System};
 /// Part of its scale at which a nonnegative state is nearly zero.
 const NEARLY: f64 = 1e-9;
 
+/// Most inputs of root functions that are compared where an integration begins.
+const FEW: usize = 64;
+
 /// What the solver asks for again and again; shared by all instances of a model.
 #[derive(Debug)]
 struct Shape {
@@ -25,6 +28,8 @@ struct Shape {
     quadratures: usize,
     quadratures_use_derivatives: bool,
     reads_other_instants: bool,
+    /// Places of what root functions read besides unknowns, where these are few.
+    watched_inputs: Option<Vec<usize>>,
     /// Of algebraic unknowns.
     bounds: Option<Bounds>,
     nonnegative: Box<[u32]>,
@@ -40,8 +45,8 @@ pub struct CompiledSystem {
     memory: Memory,
     /// Values and rates of the invariants, where the rates are integrated too.
     invariants: Vec<f64>,
-    /// Unknowns with nonnegative states at zero or above; upper bounds of them. Empty where there are no such states.
-    seen: [Vec<f64>; 2],
+    /// Unknowns with nonnegative states at zero or above, and upper bounds of them, where there are such states.
+    seen: Option<Box<[Vec<f64>; 2]>>,
 }
 
 impl CompiledSystem {
@@ -54,7 +59,7 @@ impl CompiledSystem {
         let catalogue = Catalogue::new(&model);
         let mut nonnegative: Vec<&Element> = catalogue.states.elements().iter().filter(|e| e.nonnegative).collect();
         nonnegative.sort_by_key(|e| e.at);
-        let space = if nonnegative.is_empty() { 0 } else { model.unknowns() };
+        let seen = (!nonnegative.is_empty()).then(|| Box::new([vec![0.0; model.unknowns()], vec![0.0; model.unknowns()]]));
         let shape = Shape {
             pattern: Pattern::new(pattern.column_pointers.clone(), pattern.row_indices.clone())?,
             differential: (0..model.unknowns()).map(|i| i < model.states()).collect(),
@@ -63,12 +68,13 @@ impl CompiledSystem {
             quadratures: model.quadratures(),
             quadratures_use_derivatives: model.quadratures_use_derivatives(),
             reads_other_instants: reads_other_instants(&model),
+            watched_inputs: model.watched_inputs().filter(|places| places.len() <= FEW),
             bounds: bounds(&model, &catalogue),
             nonnegative: nonnegative.iter().map(|e| e.at as u32).collect(),
             nearly_zero: nonnegative.iter().map(|e| NEARLY * e.scale).collect(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new(), seen: [vec![0.0; space], vec![0.0; space]] })
+        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new(), seen })
     }
 
     /// The model.
@@ -218,13 +224,13 @@ impl System for CompiledSystem {
     }
 
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         self.model.residual(&mut self.memory, t, y, yp, out);
     }
 
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
         // A root has no finite slope at zero.
-        let y = raised(&self.shape, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| raised(&self.shape, y, &mut space[0]));
         self.model.jacobian(&mut self.memory, t, y, yp, cj, values);
     }
 
@@ -237,7 +243,7 @@ impl System for CompiledSystem {
     }
 
     fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
-        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         self.model.by_time(&mut self.memory, t, y, yp, out)
     }
 
@@ -246,7 +252,7 @@ impl System for CompiledSystem {
     }
 
     fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         self.model.forcings(&mut self.memory, t, y, yp, out);
     }
 
@@ -263,7 +269,7 @@ impl System for CompiledSystem {
     }
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         self.model.roots(&mut self.memory, t, y, yp, out);
     }
 
@@ -271,9 +277,25 @@ impl System for CompiledSystem {
         self.model.watched_unknowns()
     }
 
+    fn watched_input_count(&self) -> Option<usize> {
+        self.shape.watched_inputs.as_ref().map(Vec::len)
+    }
+
+    fn watched_inputs(&self, out: &mut [f64]) {
+        let places = self.shape.watched_inputs.iter().flatten();
+        out.iter_mut().zip(places).for_each(|(out, &at)| *out = self.memory.all()[at]);
+    }
+
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
-        let ([low, high], states) = (&mut self.seen, &self.shape.nonnegative);
-        self.model.bounds(&mut self.memory, span, (seen(states, least, low), seen(states, most, high)), out);
+        let states = &self.shape.nonnegative;
+        let (least, most) = match &mut self.seen {
+            Some(space) => {
+                let [low, high] = &mut **space;
+                (seen(states, least, low), seen(states, most, high))
+            }
+            None => (least, most),
+        };
+        self.model.bounds(&mut self.memory, span, (least, most), out);
         true
     }
 
@@ -286,7 +308,7 @@ impl System for CompiledSystem {
     }
 
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let y = seen(&self.shape.nonnegative, y, &mut self.seen[0]);
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         let (own, rates) = out.split_at_mut(self.shape.quadratures);
         self.model.quadrature_rates(&mut self.memory, t, y, yp, own);
         if !rates.is_empty() {

@@ -435,6 +435,14 @@ impl System for Augmented {
         self.system.watched_unknowns()
     }
 
+    fn watched_input_count(&self) -> Option<usize> {
+        self.system.watched_input_count()
+    }
+
+    fn watched_inputs(&self, out: &mut [f64]) {
+        self.system.watched_inputs(out);
+    }
+
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
         let n = self.system.dimension();
         self.system.root_bounds(span, &least[..n], &most[..n], out)

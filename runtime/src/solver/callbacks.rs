@@ -358,7 +358,7 @@ impl Bridge {
         let from = history.step_began();
         history.surround();
         if history.safe.holds(t, &history.unknowns, (&history.least, &history.most)) || self.is_safe_beyond(history, (from, t))? {
-            if !self.watch.has_loose() {
+            if !self.watch.has_loose(t) {
                 self.watch.pass(t);
                 return Ok(false);
             }
@@ -379,6 +379,21 @@ impl Bridge {
         looks_into(&mut Within { bridge: self, history }, (from, t), (open, Closely::No))
     }
 
+    /// Returns whether an integration begins where nothing can happen, see [`Safe::begin`](super::enclosure::Safe::begin).
+    pub(super) fn begins_safely(&mut self, y: &[f64]) -> Result<bool, c_int> {
+        let Some(mut history) = self.history.take() else { return Ok(false) };
+        let taken = self.guarded(|system| history.safe.take_inputs(system));
+        let begins = history.safe.begin(&history.unknowns, y, &mut self.watch);
+        self.history = Some(history);
+        taken.map(|()| begins)
+    }
+
+    /// Returns whether nothing can happen at a state.
+    pub(super) fn is_safe(&self, t: f64, y: &[f64]) -> bool {
+        let holds = |history: &History| history.safe.contains(t, &history.unknowns, y);
+        !self.watch.has_loose(f64::INFINITY) && self.history.as_deref().is_some_and(holds)
+    }
+
     /// Whether nothing can happen in a box that reaches beyond the last step.
     fn is_safe_beyond(&mut self, history: &mut History, step: (f64, f64)) -> Result<bool, c_int> {
         let History { safe, unknowns, least, most, .. } = history;
@@ -390,7 +405,7 @@ impl Bridge {
         self.watch.bounds = bounds;
         done?;
         let is_safe = self.watch.is_safe();
-        safe.tried(is_safe.then_some(span.1));
+        safe.tried(is_safe.then_some(span.1), &self.watch.edges);
         Ok(is_safe)
     }
 

@@ -46,7 +46,12 @@ pub(crate) fn stays<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<b
     let watch = step.watch();
     std::mem::swap(&mut watch.ahead, &mut watch.values);
     step.look(to)?;
-    Ok(step.watch().is_loose_still())
+    let watch = step.watch();
+    let still = watch.is_loose_still();
+    if still {
+        watch.note_quiet((from, to));
+    }
+    Ok(still)
 }
 
 /// Looks into a step whose bounds leave something open; whether something happens in it. The bounds of what is watched are those within the tolerances of the

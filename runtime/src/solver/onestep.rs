@@ -117,7 +117,7 @@ impl Events {
             unknowns: unknowns.into(),
             fours: fours.into(),
             enclosure: Enclosure::new(space),
-            safe: Safe::new(space),
+            safe: Safe::new(space, system),
         }
     }
 }

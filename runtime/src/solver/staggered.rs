@@ -191,6 +191,14 @@ impl System for Leading<'_> {
         self.whole.watched_unknowns()
     }
 
+    fn watched_input_count(&self) -> Option<usize> {
+        self.whole.watched_input_count()
+    }
+
+    fn watched_inputs(&self, out: &mut [f64]) {
+        self.whole.watched_inputs(out);
+    }
+
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
         self.whole.root_bounds(span, least, most, out)
     }

@@ -133,6 +133,16 @@ pub trait System {
         &[]
     }
 
+    /// Number of [`watched_inputs`](Self::watched_inputs); `None` where root functions and their bounds read the time or rates, too.
+    fn watched_input_count(&self) -> Option<usize> {
+        None
+    }
+
+    /// Writes what root functions and their bounds read besides unknowns to `out`.
+    fn watched_inputs(&self, out: &mut [f64]) {
+        let _ = out;
+    }
+
     /// Writes bounds of the root functions to `out`, lower ones and then upper ones: from the first to the second time of `span`, and for unknowns from `least`
     /// to `most`. Returns whether they are known; if not, root functions are looked at only where steps end.
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {

@@ -120,6 +120,12 @@ pub(crate) trait Traverse {
     /// Returns whether the equations give the rates of all states.
     fn is_explicit(&self) -> bool;
 
+    /// Returns whether an integration begins where no event can happen: conditions are as they were.
+    fn begins_safely(&mut self) -> Result<bool, SolveError>;
+
+    /// Returns whether no event can happen at the present state.
+    fn is_safe(&mut self) -> bool;
+
     /// The time at which the last step began, if the integration can go back there.
     fn step_began(&self) -> Option<f64>;
 
@@ -152,7 +158,7 @@ pub(crate) trait Traverse {
     /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
     /// other inputs, perhaps, under which it would not.
     fn ends_at_event(&mut self) -> Result<bool, SolveError> {
-        if self.watched().0.is_empty() {
+        if self.watched().0.is_empty() || self.is_safe() {
             return Ok(false);
         }
         if self.watched().0.stale {
@@ -418,6 +424,12 @@ pub(crate) trait Traverse {
         watch.passed = false;
         watch.at_switch = false;
         watch.since = time;
+        if self.begins_safely()? {
+            let (watch, events) = self.watched();
+            watch.stale = true;
+            events.fill(0);
+            return Ok(false);
+        }
         self.evaluate_roots(time)?;
         if self.watched().0.is_at_threshold() {
             let ahead = self.span(AHEAD);

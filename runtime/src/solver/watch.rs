@@ -38,6 +38,10 @@ const DOUBT: f64 = 0.5;
 /// A kink is far from its threshold that is further than this many times what its values bow over a step.
 const BOW: f64 = 4.0;
 
+/// How much faster than in the last step that was looked at a kink may move, and for how many steps as long it is not looked at.
+const SUDDEN: f64 = 8.0;
+const QUIET: f64 = 32.0;
+
 /// Reason to look for the instant of a kink that changed its sign over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Closely {
@@ -100,8 +104,9 @@ pub(crate) struct Watch {
     unseen: Box<[bool]>,
     /// Kinks that may hold the solution: steps have become short there.
     tied: Box<[bool]>,
-    /// Kinks that are looked at in every step.
+    /// Kinks that are looked at in every step, and a time before which they are far from their thresholds.
     loose: Vec<usize>,
+    quiet: f64,
     /// Root functions at three quarters of the last step, one after another.
     pub samples: [Box<[f64]>; 3],
     /// The values are those of an earlier state.
@@ -243,6 +248,7 @@ impl Watch {
     pub(super) fn is_safe(&mut self) -> bool {
         let n = self.edges.len();
         self.loose.clear();
+        self.quiet = f64::NEG_INFINITY;
         for i in 0..n {
             let (low, high) = (self.bounds[i], self.bounds[n + i]);
             // What may not be a number is looked at.
@@ -261,10 +267,37 @@ impl Watch {
         true
     }
 
+    /// Returns whether conditions of events hold or not as these, all away from their thresholds.
+    pub(super) fn agrees(&self, holds: &[bool]) -> bool {
+        let each = self.edges.iter().zip(&self.kinds).zip(holds);
+        each.into_iter().all(|((edge, kind), &holds)| kind.role != RootRole::Event || (edge.holds == holds && edge.band < 0.0))
+    }
+
+    /// Takes the jumps as these, away from their thresholds.
+    pub(super) fn take_jumps_from(&mut self, holds: &[bool]) {
+        for ((edge, kind), &holds) in self.edges.iter_mut().zip(&self.kinds).zip(holds) {
+            if kind.role != RootRole::Event {
+                *edge = Edge::known(holds);
+            }
+        }
+    }
+
     /// Whether there are kinks to be looked at in every step.
     #[inline]
-    pub(super) fn has_loose(&self) -> bool {
-        !self.loose.is_empty()
+    pub(super) fn has_loose(&self, to: f64) -> bool {
+        !self.loose.is_empty() && to > self.quiet
+    }
+
+    /// Notes how long kinks that have not been passed in a step stay far from their thresholds, by their motion in it: values as for
+    /// [`is_loose_still`](Self::is_loose_still).
+    pub(super) fn note_quiet(&mut self, (from, to): (f64, f64)) {
+        let step = to - from;
+        let steps = self.loose.iter().map(|&i| {
+            let (begin, middle, end) = (self.begin[i], self.ahead[i], self.values[i]);
+            let fastest = 2.0 * (middle - begin).abs().max((end - middle).abs());
+            if end == 0.0 { 0.0 } else { end.abs() / (SUDDEN * fastest) }
+        });
+        self.quiet = to + step * steps.fold(QUIET, f64::min);
     }
 
     /// Whether such kinks have not been passed to and fro in a step that ends at the present values, by the values in its middle, which are those ahead.

@@ -3,6 +3,7 @@
 //! IDA's polynomial of order q goes through the last q + 1 accepted states (K. E. Brenan, S. L. Campbell and L. R. Petzold, *Numerical Solution of
 //! Initial-Value Problems in Differential-Algebraic Equations*, SIAM 1996, section 5.2). It is kept by Newton's divided differences.
 
+use crate::solver::System;
 use crate::solver::enclosure::{Enclosure, Safe};
 use crate::solver::vector::Vector;
 
@@ -33,8 +34,9 @@ pub(crate) struct History {
 }
 
 impl History {
-    /// Of these unknowns, with a vector of all of them.
-    pub(crate) fn new(unknowns: &[u32], inside: Vector) -> Self {
+    /// Of the unknowns that root functions of a system read, with a vector of all unknowns.
+    pub(crate) fn new(system: &dyn System, inside: Vector) -> Self {
+        let unknowns = system.watched_unknowns();
         let numbers = |n: usize| vec![0.0; n].into_boxed_slice();
         let (few, all) = (unknowns.len(), inside.entries().len());
         Self {
@@ -47,7 +49,7 @@ impl History {
             enclosure: Enclosure::new(few),
             least: numbers(all),
             most: numbers(all),
-            safe: Safe::new(all),
+            safe: Safe::new(all, system),
             inside,
         }
     }
@@ -55,7 +57,6 @@ impl History {
     /// An integration begins.
     pub(crate) fn begin(&mut self, time: f64, y: &[f64]) {
         self.count = 0;
-        self.safe.forget();
         self.push(time, y);
     }
 

@@ -162,6 +162,14 @@ impl Traverse for Ida {
         self.consistent.is_some()
     }
 
+    fn begins_safely(&mut self) -> Result<bool, SolveError> {
+        self.memory.bridge_mut().begins_safely(self.y.entries()).map_err(|_| self.fault())
+    }
+
+    fn is_safe(&mut self) -> bool {
+        self.memory.bridge().is_safe(self.time, self.y.entries())
+    }
+
     fn step_began(&self) -> Option<f64> {
         // Derivatives that follow do not go back.
         let history = self.memory.bridge().history.as_ref().filter(|_| self.following.is_none());

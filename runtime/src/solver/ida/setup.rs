@@ -26,7 +26,7 @@ impl Ida {
         let derivative = (system.root_count() > 0 && system.roots_use_derivatives()).then(sharing);
         bridge.derivative = derivative;
         let bounded = system.root_kinds().iter().any(|kind| kind.bounded);
-        bridge.history = bounded.then(|| Box::new(History::new(system.watched_unknowns(), sharing())));
+        bridge.history = bounded.then(|| Box::new(History::new(system, sharing())));
         let consistent = match system.is_explicit() {
             true => Some(Consistent::new(system, operations, context)?),
             false => None,

@@ -44,7 +44,6 @@ impl Run<'_> {
     /// Consistent values and derivatives at a time; `first` where the algebraic unknowns are guesses.
     pub(crate) fn initialise(&mut self, t: f64, first: bool) -> Result<(), SolveError> {
         self.one.frame.t = t;
-        self.one.events.safe.forget();
         self.make_consistent(t, first)?;
         let frame = &mut self.one.frame;
         frame.functions.rates(self.system, t, &frame.begin, &mut frame.begin_rates);
@@ -357,7 +356,7 @@ impl Run<'_> {
     /// Goes to the end of a step in which no event happens and no equation jumps.
     #[inline]
     fn passes_safely(&mut self, to: f64) -> Result<bool, SolveError> {
-        if !self.one.events.watch.has_loose() {
+        if !self.one.events.watch.has_loose(to) {
             self.one.events.watch.pass(to);
             return Ok(false);
         }
@@ -387,7 +386,7 @@ impl Run<'_> {
         if *bounded && let Some((span, least, most)) = safe.beyond((from, to), unknowns, (&enclosure.least, &enclosure.most)) {
             self.system.root_bounds(span, &least[..n], &most[..n], &mut watch.bounds);
             let is_safe = watch.is_safe();
-            safe.tried(is_safe.then_some(span.1));
+            safe.tried(is_safe.then_some(span.1), &watch.edges);
             if is_safe {
                 return self.passes_safely(to);
             }
@@ -633,6 +632,20 @@ impl Traverse for Run<'_> {
 
     fn is_explicit(&self) -> bool {
         true
+    }
+
+    fn begins_safely(&mut self) -> Result<bool, SolveError> {
+        let OneStep { frame, events: Events { watch, bounded, unknowns, safe, .. }, .. } = &mut *self.one;
+        if !*bounded {
+            return Ok(false);
+        }
+        safe.take_inputs(self.system);
+        Ok(safe.begin(unknowns, frame.y(), watch))
+    }
+
+    fn is_safe(&mut self) -> bool {
+        let OneStep { frame, events: Events { watch, bounded, unknowns, safe, .. }, .. } = &*self.one;
+        *bounded && !watch.has_loose(f64::INFINITY) && safe.contains(frame.t, unknowns, frame.y())
     }
 
     fn step_began(&self) -> Option<f64> {
