@@ -365,8 +365,10 @@ fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Re
         }
         Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
     };
-    if !Solver::RTOL.contains(&asked.rtol) {
-        return Err(SetupError::Value { what: "rtol".into(), expected: Solver::RTOL_TEXT, value: asked.rtol.to_string() });
+    for (what, rtol) in [("rtol", Some(asked.rtol)), ("one_step_rtol", asked.one_step_rtol)] {
+        if let Some(value) = rtol.filter(|rtol| !Solver::RTOL.contains(rtol)) {
+            return Err(SetupError::Value { what: what.into(), expected: Solver::RTOL_TEXT, value: value.to_string() });
+        }
     }
     positive("atol_factor", asked.atol_factor, asked.atol_factor.is_finite() && asked.atol_factor > 0.0)?;
     // An infinite one bounds nothing.
@@ -379,6 +381,7 @@ fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Re
         }
     }
     let mut settings = Settings::new(rtol, atol);
+    settings.one_step_factor = asked.one_step_factor();
     settings.max_order = asked.max_order;
     settings.max_steps = asked.max_steps;
     settings.linear_solver = asked.linear_solver;

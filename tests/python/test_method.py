@@ -1,5 +1,7 @@
 """What takes the steps, chosen in Python, in a model, in a scenario."""
 
+import json
+
 import gymnasium
 import numpy as np
 import pytest
@@ -116,6 +118,79 @@ def test_a_model_chooses_its_method_and_a_scenario_another(tmp_path):
     assert work(scenario="stiff", method="explicit")["jacobians"] == 0
     with pytest.raises(ValueError, match="ida, rosenbrock, explicit or auto"):
         work(scenario="wrong")
+
+
+# Its solution from x = 0.1 is 1 / (1 + 9 exp(-t)).
+LOGISTIC = """
+model Logistic
+time t : s
+state x = 0.1 in 0..1
+eq d/dt x = x*(1 - x) / 1 [s]
+observe x
+reward r default = 0
+episode { step = 5 [s], max_steps = 1 }
+"""
+LOOSE, TIGHT = 1e-3, 1e-10
+
+
+def logistic(tolerances, **arguments):
+    """Error after 5 s against the closed form, and internal steps."""
+    env = smpl.Env(
+        smpl.compile(source=f"{LOGISTIC}solver {{ {tolerances} }}\n", **arguments.pop("given", {})), **arguments
+    )
+    env.reset(seed=0)
+    env.step(np.zeros(0))
+    return abs(env.state[0] - 1 / (1 + 9 * np.exp(-5))), env.solver_statistics["steps"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_step_methods_have_a_tolerance_of_their_own(method):
+    both = logistic(f"rtol = {TIGHT}, one_step_rtol = {LOOSE}", method=method)
+    loose, tight = (logistic(f"rtol = {rtol}", method=method) for rtol in (LOOSE, TIGHT))
+    assert loose[1] < tight[1] and tight[0] < 1e-7
+    assert both == pytest.approx(tight if method == "ida" else loose, rel=1e-6, abs=1e-14)
+
+
+def test_a_tolerance_from_outside_replaces_both_of_the_model(tmp_path):
+    declared = f"method = rosenbrock, rtol = {LOOSE}, one_step_rtol = {LOOSE}"
+    tight = logistic(f"method = rosenbrock, rtol = {TIGHT}")
+    scenario, own = tmp_path / "tight.yaml", tmp_path / "own.yaml"
+    scenario.write_text(f"solver: {{rtol: {TIGHT!r}}}\n")
+    own.write_text(f"solver: {{rtol: {LOOSE!r}, one_step_rtol: {TIGHT!r}}}\n")
+    close = {"rel": 1e-6, "abs": 1e-14}
+    assert logistic(declared, given={"settings": {"rtol": TIGHT}}) == tight
+    assert logistic(declared, given={"scenario": str(scenario)}) == tight
+    assert logistic(declared, given={"scenario": str(own)}) == pytest.approx(tight, **close)
+    assert logistic(declared, given={"settings": {"one_step_rtol": TIGHT}}) == pytest.approx(tight, **close)
+    with pytest.raises(ValueError, match="`one_step_rtol` must be between 1e-15 and 1, not 2"):
+        logistic(declared, given={"settings": {"one_step_rtol": 2.0}})
+
+
+def test_a_tolerance_of_one_step_methods_travels_as_json(tmp_path):
+    source = f"{LOGISTIC}solver {{ method = auto, rtol = {TIGHT}, one_step_rtol = {LOOSE} }}\n"
+    written = smpl.export.json(smpl.compile(source=source))
+    assert (written["solver"]["rtol"], written["solver"]["one_step_rtol"]) == (TIGHT, LOOSE)
+    del written["solver"]["one_step_rtol"]
+    for name, content in (("both", smpl.export.json(smpl.compile(source=source))), ("one", written)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+        env = smpl.Env(tmp_path / f"{name}.json")
+        env.reset(seed=0)
+        env.step(np.zeros(0))
+        loose = logistic(f"method = auto, rtol = {LOOSE if name == 'both' else TIGHT}")
+        assert env.solver_statistics["steps"] == loose[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [("reactor", "auto"), ("beer", "auto"), ("pensim", "auto"), ("atropine", "ida"), ("mab", "ida")]
+)
+def test_shipped_models_of_few_unknowns_run_with_auto_and_large_ones_with_ida(name, method):
+    work = []
+    for given in (None, method, "ida" if method == "auto" else "rosenbrock"):
+        env = smpl.Env(name, normalize=False, method=given)
+        env.reset(seed=0, options={"start": "nominal"})
+        env.step(env.model.native.defaults("action"))
+        work.append(env.solver_statistics)
+    assert work[0] == work[1] != work[2]
 
 
 @pytest.mark.parametrize("method", METHODS)

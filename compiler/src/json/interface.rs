@@ -310,6 +310,7 @@ fn episode(at: &At<'_>) -> Result<Episode, ReadError> {
 fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
     at.only(&[
         "rtol",
+        "one_step_rtol",
         "atol_factor",
         "safety",
         "max_order",
@@ -327,7 +328,8 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         return Err(order.fault("the highest order is 1 to 5"));
     }
     Ok(Solver {
-        rtol: at.field("rtol")?.number_that(Solver::RTOL_TEXT, |x| Solver::RTOL.contains(&x))?,
+        rtol: tolerance(&at.field("rtol")?)?,
+        one_step_rtol: at.maybe("one_step_rtol")?.filter(|at| !at.is_null()).map(|at| tolerance(&at)).transpose()?,
         atol_factor: positive(at, "atol_factor")?,
         safety: positive(at, "safety")?,
         max_order,
@@ -339,6 +341,10 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         linear_solver: at.field("linear_solver")?.word()?,
         method: at.field("method")?.word()?,
     })
+}
+
+fn tolerance(at: &At<'_>) -> Result<f64, ReadError> {
+    at.number_that(Solver::RTOL_TEXT, |x| Solver::RTOL.contains(&x))
 }
 
 fn choice(at: &At<'_>) -> Result<Choice, ReadError> {

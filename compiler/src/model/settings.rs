@@ -26,6 +26,8 @@ pub struct Episode {
 pub struct Solver {
     /// Relative tolerance.
     pub rtol: f64,
+    /// Relative tolerance of the one-step methods; `rtol` if `None`.
+    pub one_step_rtol: Option<f64>,
     /// Absolute tolerance of an unknown = this · rtol · scale.
     pub atol_factor: f64,
     /// What the solver is given of the tolerances: below 1 where errors grow much beyond those of a step.
@@ -153,12 +155,19 @@ impl Solver {
     pub const RTOL: std::ops::Range<f64> = 1e-15..1.0;
     /// [`Self::RTOL`] in words.
     pub const RTOL_TEXT: &str = "between 1e-15 and 1";
+
+    /// Tolerances of the one-step methods, as a multiple of those of `ida`.
+    #[must_use]
+    pub fn one_step_factor(&self) -> f64 {
+        self.one_step_rtol.map_or(1.0, |rtol| rtol / self.rtol)
+    }
 }
 
 impl Default for Solver {
     fn default() -> Self {
         Solver {
             rtol: 1e-8,
+            one_step_rtol: None,
             atol_factor: 0.01,
             safety: 1.0,
             max_order: 5,

@@ -10,6 +10,7 @@ from smpl.bench import (
     batch,
     decisions,
     environments,
+    episodes,
     exports,
     fit,
     kernels,
@@ -22,6 +23,7 @@ from smpl.bench import (
 
 SECTIONS = {
     "environments": environments.main,
+    "episodes": episodes.main,
     "reactor": reactor.main,
     "batch": batch.main,
     "precision": precision.main,

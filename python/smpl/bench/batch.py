@@ -5,8 +5,8 @@ reactor is integrated to an error of 1e-6 of its ranges. It works in a thread of
 that processor time is that of the whole process. The two take turns, some steps each: both meet the same machine.
 
 Two cases of ours: near rest (actions within 0.02 of the nominal ones, an error of 1e-6, no time limit), which is the
-best case, and realistic (random actions of +-0.2, the model's own tolerance, sampled starts, and episodes that end and
-begin again in the same step).
+best case, and realistic (random actions of +-0.2, the model's own method and tolerance, sampled starts, and episodes
+that end and begin again in the same step).
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def in_turn(steppers: Mapping[str, Callable[[int], None]], turns: int, clock: Cl
 
 def stepper(model: smpl.Model, choose: Callable[[smpl.VectorEnv], FloatArray]) -> Callable[[int], None]:
     """Steps a batch of a model from sampled starts; ended episodes begin again in the same step."""
-    env = smpl.VectorEnv(model, COUNT, num_threads=1, autoreset_mode="same_step", method="auto")
+    env = smpl.VectorEnv(model, COUNT, num_threads=1, autoreset_mode="same_step")
     given = choose(env)
     env.reset(seed=0)
 

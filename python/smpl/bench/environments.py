@@ -1,13 +1,15 @@
 """Steps a second of the environments that come with the package: the figures of the README's table.
 
 Two cases: the nominal policy from the start of seed 0, and random actions of +-0.2 from sampled starts, new
-episodes after ended ones included. Each is run by the model's own method and by `auto`.
+episodes after ended ones included. Each is run by the model's own method, by `ida` and by `auto`. Then random steps of
+`gymnasium.make`, with its wrappers, in turns with Gymnasium's own pendulum.
 """
 
 from __future__ import annotations
 
 from functools import partial
 
+import gymnasium
 import numpy as np
 
 import smpl
@@ -21,12 +23,16 @@ BATCH = 16
 MOST_STEPS = 200
 # Random actions: largest distance from the middle, of actions scaled to -1..1.
 WIDTH = 0.2
-METHODS = (None, "auto")
+METHODS = (None, "ida", "auto")
+# Steps of a turn of `gymnasium.make`.
+TURN = 2000
 
 
 def main(repeats: int) -> None:
-    """Print two rows for each environment, alone and in a batch on one thread, by its own method and by `auto`."""
-    title(f"Environments: steps a second on one thread, alone and {BATCH} together, by the model's method and by auto")
+    """Print two rows for each environment, alone and in a batch on one thread, by each of `METHODS`."""
+    title(
+        f"Environments: steps a second on one thread, alone and {BATCH} together, by the model's method, ida and auto"
+    )
     for name, model in ENVIRONMENTS.items():
         actions = nominal_actions(smpl.Env(model, normalize=False))
         runs = [smpl.Env(model, normalize=False, method=method) for method in METHODS]
@@ -35,14 +41,42 @@ def main(repeats: int) -> None:
             f"random +-{WIDTH}": (episodes, random_actions(runs[0], MOST_STEPS)),
         }
         for case, (run, given) in cases.items():
-            # In turn, so that both methods meet the same machine.
+            # In turn, so that all methods meet the same machine.
             alone = [len(given) / seconds(partial(run, env, given), repeats) for env in runs]
             batches = [batch_rate(env.model, method, given, repeats) for env, method in zip(runs, METHODS, strict=True)]
             rates = ", ".join(
                 f"{label} {one:,.0f} steps/s alone, {many:,.0f} together"
-                for label, one, many in zip(("default", "auto"), alone, batches, strict=True)
+                for label, one, many in zip(("default", *METHODS[1:]), alone, batches, strict=True)
             )
             print(f"  smpl/{name}-v0, {case}, {len(given)} steps: {rates}")
+    title(f"gymnasium.make with its wrappers: {TURN} random steps in turn, resets included")
+    against_gymnasium(repeats)
+
+
+def against_gymnasium(repeats: int) -> None:
+    """Print steps a second of the reactor, by default and by `ida`, and of Gymnasium's pendulum."""
+    made = {
+        "smpl/Reactor-v0": gymnasium.make("smpl/Reactor-v0"),
+        "smpl/Reactor-v0, ida": gymnasium.make("smpl/Reactor-v0", method="ida"),
+        "Pendulum-v1": gymnasium.make("Pendulum-v1"),
+    }
+    rates: dict[str, list[float]] = {name: [] for name in made}
+    for _ in range(repeats):
+        for name, env in made.items():
+            rates[name].append(TURN / seconds(partial(random_steps, env), 1))
+    found = {name: float(np.median(each)) for name, each in rates.items()}
+    for name, rate in found.items():
+        print(f"  {name:21} {rate:9,.0f} steps/s, {rate / found['Pendulum-v1']:.1f} times Pendulum-v1")
+
+
+def random_steps(env: gymnasium.Env[FloatArray, FloatArray]) -> None:
+    """Random steps from a sampled start; an ended episode is followed by another one."""
+    env.action_space.seed(0)
+    env.reset(seed=0)
+    for _ in range(TURN):
+        _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        if terminated or truncated:
+            env.reset()
 
 
 def random_actions(env: smpl.Env, steps: int) -> list[FloatArray]:

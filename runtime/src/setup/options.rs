@@ -35,6 +35,8 @@ pub struct EnvironmentOptions {
 pub struct SolverOverrides {
     /// Relative tolerance.
     pub rtol: Option<f64>,
+    /// Relative tolerance of the one-step methods.
+    pub one_step_rtol: Option<f64>,
     /// Absolute tolerance over rtol times the scale.
     pub atol_factor: Option<f64>,
     /// Highest order.
@@ -60,6 +62,8 @@ impl SolverOverrides {
     pub(crate) fn over(&self, declared: &Solver) -> Solver {
         Solver {
             rtol: self.rtol.unwrap_or(declared.rtol),
+            // An `rtol` given here holds for every method.
+            one_step_rtol: self.one_step_rtol.or(declared.one_step_rtol.filter(|_| self.rtol.is_none())),
             atol_factor: self.atol_factor.unwrap_or(declared.atol_factor),
             safety: declared.safety,
             max_order: self.max_order.unwrap_or(declared.max_order),
@@ -77,6 +81,7 @@ impl SolverOverrides {
     pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
         let given = [
             ("rtol", self.rtol.is_some()),
+            ("one_step_rtol", self.one_step_rtol.is_some()),
             ("atol_factor", self.atol_factor.is_some()),
             ("max_order", self.max_order.is_some()),
             ("max_internal_steps", self.max_steps.is_some()),
@@ -96,7 +101,9 @@ impl SolverOverrides {
         let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
             given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
         };
-        number("rtol", Solver::RTOL_TEXT, self.rtol, &|x| Solver::RTOL.contains(x))
+        let tolerance = |name, given| number(name, Solver::RTOL_TEXT, given, &|x| Solver::RTOL.contains(x));
+        tolerance("rtol", self.rtol)
+            .or_else(|| tolerance("one_step_rtol", self.one_step_rtol))
             .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
             .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
             .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))

@@ -137,6 +137,7 @@ impl OneStep {
     pub fn new(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;
+        let settings = settings.of_one_step_methods();
         let algebraic = system.differential().iter().position(|differential| !differential);
         check(system, settings.method, algebraic)?;
         let frame = Frame::new(system, &settings);

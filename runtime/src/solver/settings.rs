@@ -11,6 +11,8 @@ pub struct Settings {
     pub rtol: f64,
     /// Absolute tolerance of the local error of each unknown, in its unit, positive.
     pub atol: Vec<f64>,
+    /// Tolerances of the one-step methods, as a multiple of those here. Default 1.
+    pub one_step_factor: f64,
     /// Maximum order of the BDF, 1 to 5. Default 5.
     pub max_order: u32,
     /// First step after a restart. Default [`FirstStep::Estimated`].
@@ -91,6 +93,7 @@ impl Settings {
         Self {
             rtol,
             atol,
+            one_step_factor: 1.0,
             max_order: 5,
             first_step: FirstStep::default(),
             max_steps: 10_000,
@@ -103,6 +106,19 @@ impl Settings {
             quadratures: Quadratures::default(),
             looseness: 1.0,
         }
+    }
+
+    /// The settings with the tolerances of the one-step methods. Those of derivatives stay where they are not the smaller ones.
+    pub(crate) fn of_one_step_methods(mut self) -> Self {
+        let factor = std::mem::replace(&mut self.one_step_factor, 1.0);
+        self.rtol *= factor;
+        self.atol.iter_mut().for_each(|atol| *atol *= factor);
+        if let Quadratures::Checked { rtol, atol } = &mut self.quadratures {
+            *rtol *= factor;
+            *atol *= factor;
+        }
+        self.looseness = (self.looseness / factor).max(1.0);
+        self
     }
 
     /// Checks the settings for a system of this dimension.
@@ -128,6 +144,7 @@ impl Settings {
             (not_negative(self.min_step), "min_step must be finite and not negative"),
             (self.max_step > self.min_step, "max_step must exceed min_step"),
             (quadratures, "tolerances of the quadratures must be finite and positive"),
+            (positive(self.one_step_factor), "one_step_factor must be finite and positive"),
             (positive(self.looseness), "looseness must be finite and positive"),
         ];
         match checks.into_iter().find(|(holds, _)| !holds) {

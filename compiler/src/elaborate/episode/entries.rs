@@ -39,8 +39,8 @@ pub(in crate::elaborate) enum Takes {
     Interval,
     /// A positive number.
     Positive(fn(&mut Said) -> &mut f64),
-    /// A relative tolerance.
-    Tolerance(fn(&mut Said) -> &mut f64),
+    /// A relative tolerance; the function stores it.
+    Tolerance(fn(&mut Said, f64)),
     /// A number.
     Number(fn(&mut Said) -> &mut f64),
     /// An order of the method.
@@ -91,7 +91,8 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     episode("end_is_success", None, Takes::Truth(|s| &mut s.episode.end_is_success)),
     episode("failure_pays_alone", None, Takes::Truth(|s| &mut s.episode.failure_pays_alone)),
     episode("single_precision", None, Takes::Truth(|s| &mut s.episode.single_precision)),
-    solver("rtol", Some("rtol"), Takes::Tolerance(|s| &mut s.solver.rtol)),
+    solver("rtol", Some("rtol"), Takes::Tolerance(|s, rtol| s.solver.rtol = rtol)),
+    solver("one_step_rtol", Some("one_step_rtol"), Takes::Tolerance(|s, rtol| s.solver.one_step_rtol = Some(rtol))),
     solver("atol_factor", Some("atol_factor"), Takes::Positive(|s| &mut s.solver.atol_factor)),
     solver("safety", None, Takes::Positive(|s| &mut s.solver.safety)),
     solver("max_order", Some("max_order"), Takes::Order(|s| &mut s.solver.max_order)),

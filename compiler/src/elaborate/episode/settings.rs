@@ -41,6 +41,10 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
             entry_of_text(l, block, (name, e), &place, &mut said);
         }
     }
+    // An `rtol` from outside holds for every method.
+    if l.input.options.settings.contains_key("rtol") {
+        said.solver.one_step_rtol = None;
+    }
     for (name, value) in &l.input.options.settings {
         entry_of_settings(l, name, value, &mut said);
     }
@@ -62,7 +66,11 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
         Takes::Duration(to) => put(to(said), positive(l, name, e, &time, place)),
         Takes::Interval => said.integrate = positive(l, name, e, &time, place),
         Takes::Positive(to) => put(to(said), positive(l, name, e, &Unit::one(), place)),
-        Takes::Tolerance(to) => put(to(said), within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT)),
+        Takes::Tolerance(to) => {
+            if let Some(rtol) = within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT) {
+                to(said, rtol);
+            }
+        }
         Takes::Order(to) => put(to(said), whole_number(l, name, e, place, is_order, ORDER_TEXT)),
         Takes::Count(to) => put(to(said), whole_number(l, name, e, place, is_count, COUNT_TEXT)),
         // Rewards carry their own units; a number without a unit is taken in each.
@@ -127,7 +135,8 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
             *to(said) = number;
             l.names.error_reward = None;
         }
-        Takes::Duration(to) | Takes::Positive(to) | Takes::Tolerance(to) => *to(said) = number,
+        Takes::Tolerance(to) => to(said, number),
+        Takes::Duration(to) | Takes::Positive(to) => *to(said) = number,
         Takes::Order(to) | Takes::Count(to) => *to(said) = number as u32,
         Takes::Name(_) | Takes::Truth(_) => {}
     }

@@ -61,7 +61,7 @@ pub(super) struct SimulateArguments {
     /// Seed of the episode
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
     pub(super) seed: u64,
-    /// Relative tolerance
+    /// Relative tolerance, of every method
     #[arg(long, value_name = "R", value_parser = tolerance, allow_negative_numbers = true)]
     rtol: Option<f64>,
     /// Absolute tolerance of a state = F * R * its scale
@@ -243,7 +243,10 @@ impl SimulateArguments {
 
     fn setup_of(&self, loaded: Loaded) -> Result<Arc<Setup>, Failed> {
         let mut options = loaded.options;
-        options.solver.rtol = self.rtol.or(options.solver.rtol);
+        if let Some(rtol) = self.rtol {
+            options.solver.rtol = Some(rtol);
+            options.solver.one_step_rtol = None;
+        }
         if let Some(name) = &self.method {
             options.solver.method = Some(method(name)?);
         }
