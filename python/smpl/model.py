@@ -514,8 +514,8 @@ def compile(
         variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
         settings: values of settings and parameters by name, which override random draws. An array of parameters is
             named as a whole, with one value or one for each element, or element by element (`"fault[1]"`). Also
-            `rtol`, `one_step_rtol`, `atol_factor`, `max_order`, `max_internal_steps` and `linear_solver` of the solver, and `step`,
-            `integrate`, `max_steps` and `error_reward` of the episode.
+            `rtol`, `one_step_rtol`, `atol_factor`, `max_order`, `max_internal_steps` and `linear_solver` of the
+            solver, and `step`, `integrate`, `max_steps` and `error_reward` of the episode.
         observation: observation level.
         reward: the reward that `step` returns; the model's default if none.
         extra: statements of the language that follow those of the file, such as `reward full = h / 1 [m]`: a
