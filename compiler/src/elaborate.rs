@@ -31,6 +31,7 @@ mod ledger;
 mod lower;
 mod naming;
 pub mod notes;
+mod noting;
 mod options;
 mod outside;
 mod quantities;
@@ -135,7 +136,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
         let mut lowering = Lowering::new(input, &symbols, &instances, &mut work);
         let (equations, control) = all_statements(&mut lowering);
         if let Some(observer) = &input.options.observer {
-            observer.write(notes::collected(&lowering));
+            observer.write(noting::collected(&lowering));
         }
         let unused = check::unused::components(&lowering);
         sample_faults(input, &unused).into_iter().for_each(|fault| lowering.ledger.report(fault));

@@ -38,7 +38,8 @@ pub fn fixes(
 ) -> Vec<Fix> {
     let mut out: Vec<Fix> = Vec::new();
     for fix in candidates(program, diagnostic).into_iter().take(MOST) {
-        if !out.iter().any(|known| known.edit == fix.edit) && helps(program, diagnostics, diagnostic, &fix, texts, observer) {
+        let is_new = !out.iter().any(|known| known.edit == fix.edit || known.title == fix.title);
+        if is_new && helps(program, diagnostics, diagnostic, &fix, texts, observer) {
             out.push(fix);
         }
     }
@@ -59,8 +60,10 @@ fn helps(
     let Some(after) = Program::new(&main.path, &changed) else { return false };
     let Some(checked) = check(&after, &changed, &observer.apart()) else { return false };
     let errors = |list: &[Diagnostic]| list.iter().filter(|d| d.is_error()).count();
+    let syntax = |list: &[Diagnostic]| list.iter().filter(|d| d.code.id().starts_with("E01")).count();
     let same = |list: &[Diagnostic]| list.iter().filter(|d| d.code == diagnostic.code && d.message == diagnostic.message).count();
-    same(&checked.diagnostics) < same(diagnostics) && errors(&checked.diagnostics) <= errors(diagnostics)
+    let found = &checked.diagnostics;
+    same(found) < same(diagnostics) && errors(found) <= errors(diagnostics) && syntax(found) <= syntax(diagnostics)
 }
 
 /// Everything that may help.
@@ -114,6 +117,12 @@ impl Maker<'_> {
         if let Some(clause) = code.strip_prefix("for ") {
             return self.append_for(clause);
         }
+        if let Some(left) = code.strip_suffix("= ...") {
+            return self.add_statement(&format!("{left}= 0"));
+        }
+        if help.starts_with("decimals follow a point") {
+            return self.point_for_comma();
+        }
         if help.starts_with("add `") {
             let (at, line_end) = (self.end_of_statement(), self.end_of_line(start));
             [at, line_end].into_iter().for_each(|at| self.push(format!("Add `{code}`"), at, at, code.to_owned()));
@@ -142,7 +151,27 @@ impl Maker<'_> {
         if let Some(function) = code.strip_suffix("(T)") {
             self.wrap(function);
         }
-        self.push(format!("Replace by `{code}`"), start, end, code.to_owned());
+        if ["did you mean `", "write `", "give the number its unit"].iter().any(|begin| help.starts_with(begin)) {
+            self.push(format!("Replace by `{code}`"), start, end, code.to_owned());
+        }
+    }
+
+    /// Writes a statement on a line of its own after the one at the place.
+    fn add_statement(&mut self, statement: &str) {
+        let at = self.end_of_statement();
+        let next = self.text[at..].find('\n').map_or(self.text.len(), |end| at + end + 1);
+        let line = self.text[..self.start()].rfind('\n').map_or(0, |at| at + 1);
+        let indent: String = self.text[line..].chars().take_while(|c| *c == ' ').collect();
+        self.push(format!("Add `{statement}`"), next, next, format!("{indent}{statement}\n"));
+    }
+
+    /// Replaces the comma before the place by a point.
+    fn point_for_comma(&mut self) {
+        let before = self.text[..self.start()].trim_end();
+        if before.ends_with(',') {
+            let (at, end) = (before.len() - 1, self.start());
+            self.push("Write the decimal point".into(), at, end, ".".into());
+        }
     }
 
     fn from_code(&mut self, d: &Diagnostic) {

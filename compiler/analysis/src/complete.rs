@@ -7,15 +7,15 @@ use smpl_compiler::elaborate::{BUILTINS, block_entries, built_in_names};
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::Role;
 use smpl_dsl::units::{Unit, symbols};
-use smpl_dsl::words;
 
 use crate::check::Facts;
 use crate::hover::{self, unit_of};
+use crate::line::{Line, Wanted};
 use crate::program::Program;
 use crate::reference;
 use crate::symbols::{SymbolId, SymbolKind};
 use crate::texts::Texts;
-use crate::token::{Token, TokenKind, tokens};
+use crate::token::TokenKind;
 
 /// Kinds of proposal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,58 +58,6 @@ pub struct Completion {
     pub replaces: Range<usize>,
     /// Proposals, the likeliest first.
     pub proposals: Vec<Proposal>,
-}
-
-/// Statement keywords: what they do, and a snippet.
-const STATEMENTS: &[(&str, &str, &str)] = &[
-    ("model", "names the model", "model ${1:Name} \"${2:text}\""),
-    ("use", "imports a file or makes an instance of a component", "use ${1:Component} as ${2:name}($3)"),
-    ("time", "names the independent variable and its unit", "time ${1:t} : ${2:min}"),
-    ("set", "declares an index set", "set ${1:species} = { ${2:a, b} }"),
-    ("table", "declares numbers over sets or over time", "table ${1:name}[${2:set}] : ${3:unit} = {\n  ${4:member}: ${5:0}\n}"),
-    ("def", "declares a function", "def ${1:f}(${2:x}) = ${3:x}"),
-    ("param", "declares a constant of an episode", "param ${1:k} : ${2:1/min} = ${3:1} \"${4:text}\""),
-    ("action", "declares an input that is held over a step", "action ${1:u} : ${2:L/min} = ${3:0} in ${4:0}..${5:1} \"${6:text}\""),
-    ("state", "declares a differential state", "state ${1:x} : ${2:mol/L} = ${3:0} in ${4:0}..${5:1} \"${6:text}\""),
-    ("var", "declares an algebraic variable, determined by an equation", "var ${1:y} : ${2:mol/L} \"${3:text}\""),
-    ("let", "names an expression", "let ${1:y} = ${2:expression}"),
-    ("discrete", "declares a variable that changes at sampling instants", "discrete ${1:x} : ${2:1} = ${3:0} \"${4:text}\""),
-    ("disturbance", "declares an exogenous sequence", "disturbance ${1:d} : ${2:1} = ${3:0} ~ ${4:normal(0, 1)} \"${5:text}\""),
-    ("random", "declares a random number that is drawn at reset", "random ${1:zeta} ~ ${2:normal(0, 1)} \"${3:text}\""),
-    ("eq", "states an equation", "eq ${1:d/dt x} = ${2:expression}"),
-    ("domain", "declares a spatial domain", "domain ${1:z} in ${2:0}..${3:L} cells ${4:20} scheme ${5:upwind}"),
-    ("flux", "declares a flux along a domain", "flux ${1:J}[${2:z}] = ${3:v*c[z]}, low = ${4:v*c_in}"),
-    ("connector", "declares what flows through ports", "connector ${1:Stream} { ${2:Q : L/min} }"),
-    ("component", "declares a unit that can be used many times", "component ${1:Name} \"${2:text}\" {\n  $0\n}"),
-    ("port", "declares the ports of a component", "port ${1:inlet, outlet} : ${2:Stream}"),
-    ("connect", "connects ports", "connect ${1:A.outlet} -> ${2:B.inlet}"),
-    ("initial", "sets or draws the start of a state", "initial ${1:x} ~ ${2:uniform(0.5, 1.5)}"),
-    ("steady", "sets actions and states of the steady state", "steady { ${1:u} = ${2:0} }"),
-    ("observe", "lists what the agent observes", "observe ${1:x}"),
-    ("level", "names a set of observations", "level ${1:online} \"${2:text}\" {\n  observe ${3:x}\n}"),
-    ("reward", "declares a reward", "reward ${1:name} ${2:default} = ${3:expression} \"${4:text}\""),
-    ("fail", "declares a condition that ends the episode as a failure", "fail ${1:name} when ${2:outside bounds(x)} \"${3:text}\""),
-    ("success", "declares a condition that ends the episode as a success", "success ${1:name} when ${2:condition} \"${3:text}\""),
-    ("constraint", "declares a limit whose violation is reported", "constraint ${1:name} when ${2:x > limit} \"${3:text}\""),
-    ("invariant", "declares a quantity that the equations keep", "invariant ${1:name} = ${2:expression}"),
-    ("episode", "sets the sampling interval and the length of an episode", "episode { step = ${1:1} [${2:min}], max_steps = ${3:100} }"),
-    ("solver", "sets options of the solver", "solver { ${1:rtol} = ${2:1e-6} }"),
-    ("policy", "names open-loop values of the actions", "policy ${1:nominal} { ${2:u} = ${3:0} }"),
-    ("at", "holds what happens at an instant", "at ${1:start} {\n  $0\n}"),
-    ("next", "updates a discrete variable", "next ${1:x} = ${2:expression}"),
-    ("reset", "sets a state at an instant", "reset ${1:x} = ${2:expression}"),
-    ("clamp", "limits a state at an instant", "clamp ${1:x} at ${2:value} when ${3:condition}"),
-    ("event", "names a condition that is located in time", "event ${1:name} when ${2:condition}"),
-    ("phase", "declares a phase of a schedule", "phase ${1:name} for ${2:60} [${3:min}] then ${4:next}"),
-    ("variant", "declares an alternative that can be turned on", "variant ${1:name} \"${2:text}\" {\n  $0\n}"),
-    ("choice", "declares alternatives of which one is chosen", "choice ${1:name} = ${2:first} | ${3:second} \"${4:text}\""),
-    ("when", "holds the statements of an option", "when ${1:choice} = ${2:option} {\n  $0\n}"),
-];
-
-/// What a statement keyword does, in a few words.
-#[must_use]
-pub fn keyword_meaning(keyword: &str) -> &'static str {
-    STATEMENTS.iter().find(|(word, ..)| *word == keyword).map_or("a statement", |(_, meaning, _)| meaning)
 }
 
 /// Units of process models, offered when no dimension is known.
@@ -162,24 +110,6 @@ const COMMON_UNITS: &[&str] = &[
     "A",
 ];
 
-/// What a place in a statement takes.
-enum Wanted {
-    Nothing,
-    Statement,
-    Members(Vec<String>),
-    Units(Option<Unit>),
-    Kinds(&'static [SymbolKind]),
-    Files,
-    Index(Vec<String>, usize),
-    Arguments(String),
-    Entries(String),
-    Words(&'static [&'static str]),
-    Options(String),
-    Expression,
-    Random,
-    Instants,
-}
-
 /// Proposals at a byte of a file.
 #[must_use]
 pub fn complete(program: &Program, facts: &Facts, texts: &dyn Texts, file: FileId, offset: usize) -> Completion {
@@ -193,361 +123,6 @@ pub fn complete(program: &Program, facts: &Facts, texts: &dyn Texts, file: FileI
     let mut seen = std::collections::HashSet::new();
     out.list.retain(|p| seen.insert(p.label.clone()));
     Completion { replaces: line.prefix.clone(), proposals: out.list }
-}
-
-/// The statement before the cursor as tokens.
-pub(crate) struct Line<'t> {
-    text: &'t str,
-    /// Tokens of the statement, from its keyword to the word that is being written.
-    pub(crate) tokens: Vec<Token>,
-    /// The word that is being written.
-    prefix: Range<usize>,
-    /// The cursor is inside of this token: a text or a comment.
-    inside: Option<TokenKind>,
-    /// Keyword before the innermost open brace, and whether a statement may begin after the last token.
-    block: Option<String>,
-}
-
-impl<'t> Line<'t> {
-    /// The statement before a byte.
-    pub(crate) fn new(text: &'t str, offset: usize) -> Self {
-        let mut all = tokens(&text[..offset]);
-        let open_text = |t: &Token| t.kind == TokenKind::Text && (t.range.len() < 2 || !text[t.range.clone()].ends_with('"'));
-        let inside = all.last().filter(|t| t.range.end == offset && (t.kind == TokenKind::Comment || open_text(t))).map(|t| t.kind);
-        let prefix = match all.last() {
-            Some(last) if last.kind == TokenKind::Word && last.range.end == offset => {
-                let range = last.range.clone();
-                all.pop();
-                range
-            }
-            Some(last) if inside == Some(TokenKind::Text) => last.range.start + 1..offset,
-            _ => offset..offset,
-        };
-        let block = open_block(text, &all);
-        let start = statement_start(text, &all);
-        let tokens = all.split_off(start).into_iter().filter(|t| !matches!(t.kind, TokenKind::Comment | TokenKind::Newline)).collect();
-        Line { text, tokens, prefix, inside, block }
-    }
-
-    fn word(&self, i: usize) -> &str {
-        self.tokens.get(i).map_or("", |t| &self.text[t.range.clone()])
-    }
-
-    /// The word at a distance from the end: 0 is the last token.
-    fn back(&self, i: usize) -> &str {
-        self.tokens.len().checked_sub(i + 1).map_or("", |at| self.word(at))
-    }
-
-    fn is_name(&self, i: usize) -> bool {
-        self.tokens.len().checked_sub(i + 1).is_some_and(|at| self.tokens[at].kind == TokenKind::Word)
-    }
-
-    /// Open brackets with the index of their token, the innermost last.
-    pub(crate) fn open(&self) -> Vec<(usize, char)> {
-        let mut open = Vec::new();
-        for i in 0..self.tokens.len() {
-            match self.word(i) {
-                "(" => open.push((i, '(')),
-                "[" => open.push((i, '[')),
-                "{" => open.push((i, '{')),
-                ")" | "]" | "}" => {
-                    open.pop();
-                }
-                _ => {}
-            }
-        }
-        open
-    }
-
-    /// The first word of the statement.
-    pub(crate) fn first_word(&self) -> &str {
-        self.word(0)
-    }
-
-    /// The innermost open parenthesis after a name, with that name.
-    pub(crate) fn call(&self) -> Option<(usize, String)> {
-        let (at, _) = self.open().into_iter().rev().find(|(at, bracket)| *bracket == '(' && *at > 0)?;
-        (self.tokens[at - 1].kind == TokenKind::Word).then(|| (at, self.word(at - 1).to_owned()))
-    }
-
-    /// Number of commas directly inside of an open bracket.
-    pub(crate) fn commas_after(&self, open: usize) -> usize {
-        let mut depth = 0_i32;
-        let mut commas = 0;
-        for i in open + 1..self.tokens.len() {
-            match self.word(i) {
-                "(" | "[" | "{" => depth += 1,
-                ")" | "]" | "}" => depth -= 1,
-                "," if depth == 0 => commas += 1,
-                _ => {}
-            }
-        }
-        commas
-    }
-
-    /// Names that end before a token: `R1.inlet` before a `.` or `[`.
-    fn path_before(&self, token: usize) -> Vec<String> {
-        let mut out = Vec::new();
-        let mut at = token;
-        while let Some(i) = at.checked_sub(1) {
-            let name = if self.word(i) == "]" { self.opening(i).and_then(|o| o.checked_sub(1)) } else { Some(i) };
-            let Some(name) = name.filter(|&n| self.tokens[n].kind == TokenKind::Word) else { break };
-            out.push(self.word(name).to_owned());
-            match name.checked_sub(1) {
-                Some(dot) if self.word(dot) == "." => at = dot,
-                _ => break,
-            }
-        }
-        out.reverse();
-        out
-    }
-
-    fn opening(&self, close: usize) -> Option<usize> {
-        let mut depth = 0_usize;
-        (0..=close).rev().find(|&i| {
-            match self.word(i) {
-                ")" | "]" | "}" => depth += 1,
-                "(" | "[" | "{" => depth -= 1,
-                _ => {}
-            }
-            depth == 0
-        })
-    }
-
-    fn wanted(&self, program: &Program, facts: &Facts, file: FileId) -> Wanted {
-        match self.inside {
-            Some(TokenKind::Text) if self.word(0) == "use" => return Wanted::Files,
-            Some(_) => return Wanted::Nothing,
-            None => {}
-        }
-        let keyword = self.word(0);
-        if self.tokens.is_empty() {
-            return match self.block.as_deref() {
-                Some(block @ ("episode" | "solver" | "steady" | "policy")) => Wanted::Entries(block.to_owned()),
-                Some("table" | "set" | "connector") => Wanted::Nothing,
-                _ => Wanted::Statement,
-            };
-        }
-        if self.back(0) == "." {
-            return Wanted::Members(self.path_before(self.tokens.len() - 1));
-        }
-        let open = self.open();
-        match open.last() {
-            Some(&(at, '[')) => self.in_index(program, facts, file, at),
-            Some(&(at, '(')) => self.in_call(keyword, at),
-            Some(&(_, '{')) => self.in_braces(keyword),
-            _ => self.in_statement(keyword),
-        }
-    }
-
-    /// In square brackets: a unit after a number, `as` or a column's name, else an index.
-    fn in_index(&self, program: &Program, facts: &Facts, file: FileId, at: usize) -> Wanted {
-        let before = at.checked_sub(1);
-        let is_unit = before.is_none_or(|i| self.tokens[i].kind == TokenKind::Number || matches!(self.word(i), "as" | ")"))
-            || self.word(0) == "table"
-                && self.text[..self.tokens[at].range.start].rfind("columns").is_some_and(|c| c > self.tokens[0].range.start);
-        if is_unit {
-            return Wanted::Units(self.expected_unit(program, facts, file));
-        }
-        let commas = (at + 1..self.tokens.len()).filter(|&i| self.word(i) == ",").count();
-        if self.declares() && self.word(at + 1) != "" && self.back(0) == "in" || self.declares() && at == 2 {
-            return Wanted::Kinds(&[SymbolKind::Set, SymbolKind::Domain]);
-        }
-        Wanted::Index(self.path_before(at), commas)
-    }
-
-    fn declares(&self) -> bool {
-        matches!(self.word(0), "param" | "action" | "state" | "var" | "let" | "discrete" | "disturbance" | "random" | "flux" | "table")
-    }
-
-    fn in_call(&self, keyword: &str, at: usize) -> Wanted {
-        if keyword == "use" && matches!(self.back(0), "(" | ",") {
-            return Wanted::Arguments(self.word(1).to_owned());
-        }
-        match self.back(0) {
-            "for" | "in" => Wanted::Kinds(&[SymbolKind::Set, SymbolKind::Domain]),
-            _ if at >= 1 && self.word(at - 1) == "bounds" => Wanted::Expression,
-            _ if self.is_operand_end() => Wanted::Words(&["for", "if", "and", "or"]),
-            _ => Wanted::Expression,
-        }
-    }
-
-    fn in_braces(&self, keyword: &str) -> Wanted {
-        let begins = matches!(self.back(0), "{" | ",");
-        match keyword {
-            "episode" | "solver" | "steady" | "policy" if begins => Wanted::Entries(keyword.to_owned()),
-            "solver" | "episode" if self.back(0) == "=" => Wanted::Options(self.back(1).to_owned()),
-            "connector" if self.back(0) == ":" => Wanted::Units(None),
-            "set" | "table" | "connector" if begins => Wanted::Nothing,
-            _ if self.back(0) == "{" => Wanted::Statement,
-            _ => Wanted::Expression,
-        }
-    }
-
-    /// Whether the last token ends an operand, so that an operator or a clause follows.
-    fn is_operand_end(&self) -> bool {
-        let Some(last) = self.tokens.last() else { return false };
-        let word = &self.text[last.range.clone()];
-        match last.kind {
-            TokenKind::Number | TokenKind::Text => true,
-            TokenKind::Word => !words::is_reserved(word) && !["when", "until", "rate", "at", "scale", "event"].contains(&word),
-            TokenKind::Sign => matches!(word, ")" | "]"),
-            TokenKind::Comment | TokenKind::Newline => false,
-        }
-    }
-
-    fn in_statement(&self, keyword: &str) -> Wanted {
-        let (last, count) = (self.back(0), self.tokens.len());
-        match (keyword, last) {
-            ("use", "use") => Wanted::Kinds(&[SymbolKind::Component]),
-            ("port", ":") => Wanted::Kinds(&[SymbolKind::Connector]),
-            ("at", "at") => Wanted::Instants,
-            ("phase", "then") => Wanted::Kinds(&[SymbolKind::Phase]),
-            ("when", "when") => Wanted::Kinds(&[SymbolKind::Choice]),
-            ("when", "=") => Wanted::Options(self.word(1).to_owned()),
-            ("domain", "scheme") => Wanted::Words(&["upwind", "upwind2", "downwind", "central", "limited"]),
-            ("domain", "geometry") => Wanted::Words(&["planar", "cylindrical", "spherical"]),
-            ("table", "over") => Wanted::Kinds(&[SymbolKind::Set, SymbolKind::Time]),
-            (_, "for" | "in") if last == "for" || self.after_binder() => Wanted::Kinds(&[SymbolKind::Set, SymbolKind::Domain]),
-            _ if self.in_unit() => Wanted::Units(None),
-            (_, "~") => Wanted::Random,
-            ("eq" | "connect" | "next" | "reset" | "clamp" | "initial" | "observe", _) if count == 1 => Wanted::Expression,
-            _ if count == 1 || self.names_something(keyword) => Wanted::Nothing,
-            _ if self.is_operand_end() => Wanted::Words(clauses(keyword)),
-            _ => Wanted::Expression,
-        }
-    }
-
-    /// After `for i in`: a set.
-    fn after_binder(&self) -> bool {
-        self.back(0) == "in" && self.is_name(1) && matches!(self.back(2), "for" | ",")
-    }
-
-    /// After the comma of a list of declarations: a new name.
-    fn names_something(&self, keyword: &str) -> bool {
-        self.back(0) == "," && (self.declares() && keyword != "flux" || matches!(keyword, "port" | "use"))
-    }
-
-    /// In the unit of a declaration: after its colon, with nothing but parts of a unit since.
-    fn in_unit(&self) -> bool {
-        if !self.declares() && !matches!(self.word(0), "time" | "reward" | "observe") {
-            return false;
-        }
-        let Some(colon) = (0..self.tokens.len()).rev().find(|&i| self.word(i) == ":") else { return false };
-        let since = colon + 1..self.tokens.len();
-        let operator = since.is_empty() || matches!(self.back(0), "/" | "*" | "(");
-        operator && since.into_iter().all(|i| self.tokens[i].kind != TokenKind::Text && !matches!(self.word(i), "=" | "in" | "~" | ","))
-    }
-
-    /// The unit of what the statement declares, or of the argument before the cursor.
-    fn expected_unit(&self, program: &Program, facts: &Facts, file: FileId) -> Option<Unit> {
-        let scope = program.scope_at(file, self.prefix.start);
-        let of = |id: SymbolId| {
-            let symbol = program.symbol(id);
-            unit_of(symbol, facts.get(&program.symbols().path(id)))
-        };
-        let equals = (0..self.tokens.len()).rev().find(|&i| self.word(i) == "=")?;
-        let name = self.path_before(equals);
-        if self.word(0) == "use" {
-            let component = program.symbols().find(None, true, self.word(1))?;
-            return of(program.symbols().find(Some(component), true, name.last()?)?);
-        }
-        if matches!(self.word(0), "episode") {
-            let time = program.symbols().members(None).find(|(_, symbol)| symbol.kind == SymbolKind::Time)?;
-            return of(time.0);
-        }
-        let declared = self.declares().then(|| self.word(1).to_owned());
-        let id = program.symbols().lookup(scope, declared.as_deref().or(name.first().map(String::as_str))?)?;
-        of(id)
-    }
-}
-
-/// Clauses that may follow an operand of a statement.
-fn clauses(keyword: &str) -> &'static [&'static str] {
-    match keyword {
-        "param" | "action" | "state" | "discrete" | "disturbance" | "var" | "let" | "random" => &["in", "scale", "clip bounds", "for"],
-        "eq" | "next" | "reset" | "connect" => &["for"],
-        "initial" => &["clip bounds", "for"],
-        "observe" => &["in", "noise", "every", "delay", "for"],
-        "fail" => &["when", "event"],
-        "success" | "event" | "constraint" | "clamp" => &["when", "at"],
-        "invariant" => &["rate"],
-        "phase" => &["for", "until", "then"],
-        "domain" => &["cells", "scheme", "geometry", "stretch", "faces", "areas", "volumes"],
-        "use" => &["as"],
-        "reward" => &["default"],
-        "table" => &["over", "default", "until", "from", "linear"],
-        _ => &[],
-    }
-}
-
-/// Keyword of the statement whose brace is open before the end of the tokens.
-fn open_block(text: &str, tokens: &[Token]) -> Option<String> {
-    let mut depth = 0_usize;
-    let brace = tokens.iter().rposition(|t| {
-        match &text[t.range.clone()] {
-            "}" => depth += 1,
-            "{" if depth == 0 => return true,
-            "{" => depth -= 1,
-            _ => {}
-        }
-        false
-    })?;
-    let start = statement_start(text, &tokens[..brace]);
-    tokens.get(start).map(|t| text[t.range.clone()].to_owned())
-}
-
-/// Index of the token that begins the last statement.
-fn statement_start(text: &str, tokens: &[Token]) -> usize {
-    let word = |i: usize| tokens.get(i).map_or("", |t| &text[t.range.clone()]);
-    let mut depth = 0_usize;
-    for i in (0..tokens.len()).rev() {
-        let begins_line = i == 0 || tokens[i - 1].kind == TokenKind::Newline || matches!(word(i - 1), "{" | ";");
-        match word(i) {
-            ")" | "]" | "}" => depth += 1,
-            "(" | "[" | "{" => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        if begins_line && hover::is_keyword(word(i)) && word(i + 1) != "=" {
-            return i;
-        }
-        let open = matches!(word(i), "{") && depth == 0 && !before_is_block(text, tokens, i);
-        // A line end outside of brackets ends the statement, and so does the brace of a block of statements.
-        if depth == 0 && (tokens[i].kind == TokenKind::Newline && !is_open(text, &tokens[..i]) && !continues(word(i + 1)) || open) {
-            return i + 1;
-        }
-    }
-    0
-}
-
-/// Whether the line of a brace begins with the keyword of a block of entries, whose content belongs to that statement.
-fn before_is_block(text: &str, tokens: &[Token], brace: usize) -> bool {
-    let line = tokens[..brace].iter().rposition(|t| t.kind == TokenKind::Newline).map_or(0, |i| i + 1);
-    let word = tokens.get(line).map_or("", |t| &text[t.range.clone()]);
-    matches!(word, "episode" | "solver" | "steady" | "policy" | "set" | "table" | "connector")
-}
-
-/// Whether a bracket of the same statement is still open at the end of the tokens.
-fn is_open(text: &str, tokens: &[Token]) -> bool {
-    let mut depth = 0_i32;
-    for (i, token) in tokens.iter().enumerate().rev() {
-        let word = &text[token.range.clone()];
-        match word {
-            "(" | "[" => depth += 1,
-            ")" | "]" => depth -= 1,
-            _ => {}
-        }
-        let begins_line = i == 0 || tokens[i - 1].kind == TokenKind::Newline;
-        if depth > 0 || begins_line && hover::is_keyword(word) {
-            return depth > 0;
-        }
-    }
-    false
-}
-
-/// Whether a line that begins so goes on with the statement before.
-fn continues(word: &str) -> bool {
-    matches!(word, "+" | "-" | "*" | "/" | "^" | "<" | ">" | "=" | "|" | "~" | "for" | "else" | "then" | "and" | "or" | "in" | "as")
 }
 
 struct Proposals<'p> {
@@ -615,7 +190,7 @@ impl Proposals<'_> {
     }
 
     fn statements(&mut self, line: &Line<'_>) {
-        for (word, meaning, snippet) in STATEMENTS {
+        for (word, meaning, snippet) in reference::STATEMENTS {
             let inside = matches!(*word, "next" | "reset" | "clamp");
             let block = line.block.as_deref();
             let fits = if block == Some("at") { inside } else { !inside || block == Some("phase") };
@@ -812,13 +387,6 @@ pub fn composed(written: &str) -> Option<Unit> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_statement_keyword_has_a_snippet() {
-        for keyword in words::keywords() {
-            assert!(STATEMENTS.iter().any(|(word, ..)| *word == keyword), "{keyword}");
-        }
-    }
 
     #[test]
     fn common_units_exist() {

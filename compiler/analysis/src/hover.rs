@@ -77,7 +77,11 @@ pub fn describe(program: &Program, facts: &Facts, id: SymbolId) -> String {
     let fact = facts.get(&program.symbols().path(id));
     let mut parts = vec![format!("```eq\n{}\n```", headline(program, id))];
     parts.extend(symbol.text.clone());
-    let mut line = vec![symbol.kind.words().to_owned()];
+    let kind = match symbol.kind {
+        SymbolKind::Member => "member",
+        kind => kind.words(),
+    };
+    let mut line = vec![kind.to_owned()];
     if let Some(within) = symbol.within.filter(|_| !symbol.kind.is_local()) {
         let owner = program.symbol(within);
         line.push(format!("of the {} `{}`", owner.kind.words(), owner.name));

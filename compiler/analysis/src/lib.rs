@@ -18,9 +18,11 @@
 pub mod actions;
 pub mod check;
 pub mod complete;
+mod declare;
 pub mod equations;
 pub mod hints;
 pub mod hover;
+mod line;
 pub mod outline;
 pub mod position;
 pub mod program;

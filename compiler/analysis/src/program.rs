@@ -165,14 +165,18 @@ impl Program {
         })
     }
 
-    /// Whether the text is a library file: it declares things for others and is no model of its own.
+    /// Whether the text is a model of its own by a statement `model` or `episode`; other files may be parts of models.
+    #[must_use]
+    pub fn is_model(&self) -> bool {
+        let is_model = |s: &Statement| matches!(s.kind, StatementKind::Model { .. } | StatementKind::Episode { .. });
+        self.files.first().is_some_and(|main| main.tree.statements.iter().any(is_model))
+    }
+
+    /// Whether the text is a library file: it declares components for others and is no model of its own.
     #[must_use]
     pub fn is_library(&self) -> bool {
-        let Some(main) = self.files.first() else { return false };
-        let declares = |kind: &StatementKind| matches!(kind, StatementKind::Component { .. } | StatementKind::Connector { .. });
-        let is_model = |kind: &StatementKind| matches!(kind, StatementKind::Model { .. } | StatementKind::Episode { .. });
-        let mut kinds = main.tree.statements.iter().map(|s| &s.kind);
-        kinds.clone().any(declares) && !kinds.any(is_model)
+        let declares = |s: &Statement| matches!(s.kind, StatementKind::Component { .. } | StatementKind::Connector { .. });
+        !self.is_model() && self.files.first().is_some_and(|main| main.tree.statements.iter().any(declares))
     }
 
     /// Symbols that can be named at a byte, those of the component first.
@@ -184,6 +188,15 @@ impl Program {
         let hidden = |id: &SymbolId| scope.is_some_and(|s| self.symbols().find(Some(s), true, &self.symbol(*id).name).is_some());
         own.iter().copied().chain(outer.filter(|id| !hidden(id))).filter(|id| self.symbol(*id).kind != SymbolKind::Model).collect()
     }
+}
+
+/// Whether a file may import others, by a look at its text.
+#[must_use]
+pub fn imports(path: &Path, texts: &dyn Texts) -> bool {
+    let text = texts.text(path);
+    text.is_some_and(|text| {
+        text.lines().any(|line| line.trim_start().strip_prefix("use").is_some_and(|rest| rest.trim_start().starts_with('"')))
+    })
 }
 
 /// The name and text of an imported file.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use smpl_dsl::span::Span;
 use smpl_dsl::words;
 
-use crate::program::Program;
+use crate::program::{Program, imports};
 use crate::reference::is_built_in;
 use crate::scenario;
 use crate::symbols::{SymbolId, SymbolKind};
@@ -106,7 +106,9 @@ fn found(program: &Program, (path, start): &Declared) -> Option<SymbolId> {
 fn readers(program: &Program, path: &Path, texts: &(dyn Texts + Sync)) -> Vec<Program> {
     let own = program.files.first().map(|file| file.path.clone());
     let others = texts.models(path).into_iter().filter(|model| Some(model) != own.as_ref());
-    let others = others.filter_map(|model| Program::new(&model, texts)).filter(|other| other.file_of(path).is_some());
+    let may_read = |model: &PathBuf| model == path || imports(model, texts);
+    let others = others.filter(may_read).filter_map(|model| Program::new(&model, texts));
+    let others = others.filter(|other| other.file_of(path).is_some());
     std::iter::once(program.clone()).chain(others).collect()
 }
 
@@ -114,13 +116,18 @@ fn readers(program: &Program, path: &Path, texts: &(dyn Texts + Sync)) -> Vec<Pr
 #[must_use]
 pub fn references(program: &Program, id: SymbolId, texts: &(dyn Texts + Sync)) -> Vec<(PathBuf, Range<usize>)> {
     let Some(key) = declared(program, id) else { return Vec::new() };
+    named_in(&readers(program, &key.0, texts), &key, texts)
+}
+
+/// All places in programs and their scenarios that name what is declared at a place.
+fn named_in(readers: &[Program], key: &Declared, texts: &(dyn Texts + Sync)) -> Vec<(PathBuf, Range<usize>)> {
     let mut out = Vec::new();
-    for reader in readers(program, &key.0, texts) {
-        let Some(id) = found(&reader, &key).or_else(|| (declared(&reader, id).as_ref() == Some(&key)).then_some(id)) else { continue };
+    for reader in readers {
+        let Some(id) = found(reader, key) else { continue };
         let places = reader.occurrences_of(id).filter_map(|o| Some((reader.file(o.span.file)?.path.clone(), range(o.span))));
         out.extend(places);
-        for (path, text) in scenarios(&reader, texts) {
-            let names = scenario::names(&reader, &text).into_iter().filter(|(_, named)| *named == id);
+        for (path, text) in scenarios(reader, texts) {
+            let names = scenario::names(reader, &text).into_iter().filter(|(_, named)| *named == id);
             out.extend(names.map(|(range, _)| (path.clone(), range)));
         }
     }
@@ -144,18 +151,19 @@ fn scenarios(program: &Program, texts: &(dyn Texts + Sync)) -> Vec<(PathBuf, Arc
 /// The reason, if the new name cannot be used or would change what another name means.
 pub fn rename(program: &Program, id: SymbolId, new: &str, texts: &(dyn Texts + Sync)) -> Result<Vec<Edit>, String> {
     valid(program, id, new)?;
-    let places = references(program, id, texts);
+    let Some(key) = declared(program, id) else { return Ok(Vec::new()) };
+    let readers = readers(program, &key.0, texts);
+    let places = named_in(&readers, &key, texts);
     if places.is_empty() {
         return Err(format!("`{}` is not declared in a file that can be edited", program.symbol(id).name));
     }
     let edits: Vec<Edit> =
         places.into_iter().map(|(path, range)| Edit { path, start: range.start, end: range.end, text: new.to_owned() }).collect();
     let changed = Changed::by(texts, &edits);
-    let Some(key) = declared(program, id) else { return Ok(edits) };
-    for before in readers(program, &key.0, texts) {
+    for before in &readers {
         let Some(main) = before.files.first() else { continue };
         let Some(after) = Program::new(&main.path, &changed) else { continue };
-        same_meaning(&before, &after, &edits, new)?;
+        same_meaning(before, &after, &edits, new)?;
     }
     Ok(edits)
 }

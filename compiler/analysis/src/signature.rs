@@ -2,7 +2,7 @@
 
 use smpl_dsl::span::FileId;
 
-use crate::complete::Line;
+use crate::line::Line;
 use crate::program::Program;
 use crate::reference;
 use crate::symbols::SymbolKind;
