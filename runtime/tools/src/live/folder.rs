@@ -15,6 +15,8 @@ use super::wire::{Answer, Fault, Kind};
 pub(crate) const MOST_BYTES: usize = 4 << 20;
 /// Most files that are listed.
 const MOST_FILES: usize = 500;
+/// Most files and folders that are looked at for that list.
+const MOST_ENTRIES: usize = 20_000;
 /// Depth to which folders are listed.
 const DEPTH: usize = 4;
 /// The model that `smpl new` writes.
@@ -105,8 +107,7 @@ impl Folder {
 
     /// Files of the folder, shipped models, templates and files of before.
     pub(crate) fn files(&self) -> Value {
-        let mut paths = Vec::new();
-        walk(&self.root, DEPTH, &mut paths);
+        let paths = models_in(&self.root, DEPTH);
         let shown = |path: &PathBuf| {
             let relative = path.strip_prefix(&self.root).unwrap_or(path).to_string_lossy().into_owned();
             json!({"uri": uri_of(path), "path": relative, "title": title(path)})
@@ -127,15 +128,12 @@ impl Folder {
 
     /// Whether there is a model to open.
     pub(crate) fn has_models(&self) -> bool {
-        let mut paths = Vec::new();
-        walk(&self.root, DEPTH, &mut paths);
-        !paths.is_empty()
+        !models_in(&self.root, DEPTH).is_empty()
     }
 
     fn shipped(&self) -> Vec<Value> {
         let Some(library) = &self.library else { return Vec::new() };
-        let mut paths = Vec::new();
-        walk(library, 0, &mut paths);
+        let paths = models_in(library, 0);
         let shown = |path: &PathBuf| {
             let name = path.file_stem()?.to_string_lossy().into_owned();
             Some(json!({"name": name, "title": title(path)?, "uri": uri_of(path)}))
@@ -196,17 +194,25 @@ pub(crate) fn digest_of(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex().as_str()[..32].to_owned()
 }
 
-fn walk(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) {
-    let mut entries: Vec<_> = std::fs::read_dir(folder).into_iter().flatten().flatten().collect();
+/// The models in a folder, and in those in it down to a depth, by name.
+fn models_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
+    let (mut paths, mut looked_at) = (Vec::new(), 0);
+    walk(folder, depth, &mut looked_at, &mut paths);
+    paths
+}
+
+fn walk(folder: &Path, depth: usize, looked_at: &mut usize, out: &mut Vec<PathBuf>) {
+    let mut entries: Vec<_> = std::fs::read_dir(folder).into_iter().flatten().flatten().take(MOST_ENTRIES).collect();
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
+        *looked_at += 1;
         let (name, path) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
         let Ok(kind) = entry.file_type() else { continue };
-        if out.len() >= MOST_FILES || name.starts_with('.') {
+        if out.len() >= MOST_FILES || *looked_at > MOST_ENTRIES || name.starts_with('.') {
             continue;
         }
         if kind.is_dir() && depth > 0 && !SKIPPED.contains(&name.as_str()) {
-            walk(&path, depth - 1, out);
+            walk(&path, depth - 1, looked_at, out);
         } else if kind.is_file() && path.extension().is_some_and(|ending| ending == "eq") {
             out.push(path);
         }
