@@ -205,7 +205,12 @@ fn controls_have_values_bounds_units_and_places() {
     let x = panels.iter().find(|panel| panel["title"] == "x").expect("a panel of x");
     assert_eq!((&x["unit"], &x["low"], &x["high"], &x["first"]), (&json!("m"), &json!(0.0), &json!(10.0), &json!(true)));
     let columns: Vec<&str> = x["lines"].as_array().expect("lines").iter().filter_map(|line| line["column"].as_str()).collect();
-    assert_eq!(columns, ["x", "obs.x"]);
+    assert_eq!(columns, ["x"]);
+    // Readings that differ from what they are of have a curve of their own.
+    let noisy = page.open(&file, &DECAY.replace("observe x", "observe x noise normal(0, 0.1)"));
+    let model = page.result("smpl/model", json!({"uri": noisy}));
+    let lines = &model["panels"].as_array().expect("panels").iter().find(|panel| panel["title"] == "x").expect("a panel of x")["lines"];
+    assert_eq!((&lines[1]["column"], &lines[1]["style"]), (&json!("obs.x"), &json!("dots")));
 }
 
 #[test]
@@ -524,7 +529,8 @@ fn equations_and_structure_have_places_in_the_text() {
     assert_eq!(equations["equations"][1]["range"]["start"], json!({"line": 6, "character": 0}));
     assert_eq!(equations["equations"][1]["text"], "eq y + z = x");
     let structure = page.result("smpl/structure", json!({"uri": name}));
-    assert_eq!(structure["states"][0]["name"], "x");
+    assert_eq!((&structure["states"][0]["name"], &structure["method"]), (&json!("x"), &json!("ida")));
+    assert_eq!((&structure["equations"][0]["line"], &structure["equations"][0]["uri"]), (&json!(6), &json!(name)));
     assert_eq!(structure["blocks"], json!([{"size": 2, "unknowns": ["y", "z"]}]));
     let unknowns: Vec<&str> = structure["equations"].as_array().expect("equations").iter().filter_map(|e| e["unknown"].as_str()).collect();
     assert_eq!(unknowns.len(), 3);

@@ -33,7 +33,7 @@ pub(crate) fn answer(found: &Found, settings: &Settings) -> Answer {
     let loaded = &compiled.loaded;
     let setup = compiled.setup_of(settings)?;
     let interface = setup.model().interface();
-    let shown = panels::shown(&setup);
+    let shown = panels::shown(&setup, &loaded.options.noise);
     let counts = interface.quantities.algebraic_counts;
     let solver = settings.solver(loaded.options.solver.clone())?;
     let mut large = Vec::new();

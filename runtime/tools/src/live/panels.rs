@@ -1,6 +1,6 @@
 //! Panels of the page: quantities that share a unit and a meaning share a panel with one scale.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde_json::{Value, json};
 use smpl_runtime::setup::Setup;
@@ -77,8 +77,8 @@ fn own_name(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(_, own)| own)
 }
 
-/// Panels and fields of a model.
-pub(crate) fn shown(setup: &Setup) -> Shown {
+/// Panels and fields of a model. `noise` are the deviations of readings that a scenario gives.
+pub(crate) fn shown(setup: &Setup, noise: &BTreeMap<String, f64>) -> Shown {
     let all = items::of_model(setup);
     let is_field = |item: &Item| item.indices.last().is_some_and(items::Index::is_space) && item.role != Role::Observation;
     let (fields, scalar): (Vec<Item>, Vec<Item>) = all.into_iter().partition(is_field);
@@ -90,8 +90,11 @@ pub(crate) fn shown(setup: &Setup) -> Shown {
     let mut panels = grouped(scalar.iter().filter(own).filter(|item| item.members.len() <= MOST_ELEMENTS));
     let readings: HashMap<&str, &Item> =
         scalar.iter().filter(|item| item.role == Role::Observation).map(|item| (item.name.as_str(), item)).collect();
+    let observations = &setup.model().interface().finish.observations;
+    let differing = observations.iter().filter(|o| o.every > 1 || o.delay > 0 || noise.get(&o.name).copied().unwrap_or(o.noise) > 0.0);
+    let differing: HashSet<String> = differing.map(|o| format!("obs.{}", o.name)).collect();
     for panel in &mut panels {
-        add_readings(panel, &readings);
+        add_readings(panel, &readings, &differing);
     }
     choose_first(&mut panels, &scalar);
     Shown { panels, fields }
@@ -144,13 +147,13 @@ fn panels_of(together: &[&Item]) -> Vec<Panel> {
     lines.chunks(MOST_LINES).map(panel).collect()
 }
 
-/// Adds the readings of a scalar to its curve.
-fn add_readings(panel: &mut Panel, readings: &HashMap<&str, &Item>) {
+/// Adds the readings of a quantity to its curve, where they differ from it.
+fn add_readings(panel: &mut Panel, readings: &HashMap<&str, &Item>, differing: &HashSet<String>) {
     let known = panel.lines.clone();
     for line in &known {
         let reading =
             readings.get(items::base(&line.member.column)).filter(|_| line.role != Role::Reward && line.role != Role::Observation);
-        let of_line = |member: &&Member| member.column == format!("obs.{}", line.member.column);
+        let of_line = |member: &&Member| member.column == format!("obs.{}", line.member.column) && differing.contains(&member.column);
         if let Some((item, member)) = reading.and_then(|item| Some((item, item.members.iter().find(of_line)?))) {
             let label = format!("{} observed", line.label);
             panel.lines.push(Line { label, role: Role::Observation, unit: item.unit.clone(), member: member.clone() });

@@ -86,7 +86,7 @@ pub(crate) fn answer(
         stop.check()?;
         let setup = if index == 0 && request.settings.sweep.is_none() { Arc::clone(&first) } else { setup_for(single, &found, find)? };
         let before = index as u64 * u64::from(first.max_steps());
-        let shown = panels::shown(&setup);
+        let shown = panels::shown(&setup, &found.compiled.loaded.options.noise);
         let lines = lines_of(request, &shown);
         let mut environment = benches.take(&setup)?;
         let wanted: Wanted = lines.iter().filter_map(|line| Some((line.member.column.clone(), line.member.source?))).collect();

@@ -1,6 +1,7 @@
 //! The structure of a model: its unknowns, the equation of each, and which unknowns are solved for together.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use serde_json::{Value, json};
 use smpl_compiler::compiled::CompiledModel;
@@ -11,6 +12,7 @@ use smpl_dsl::diagnostic::SourceMap;
 use super::describe::range;
 use super::models::Found;
 use super::settings::Settings;
+use super::uri::uri_of;
 use super::wire::Answer;
 
 /// Unknowns beyond which blocks are not looked for.
@@ -46,6 +48,7 @@ pub(crate) fn answer(found: &Found, settings: &Settings) -> Answer {
         "equations": equations(model, sources),
         "blocks": blocks(model, &setup.catalogue),
         "explicit": model.explicit(),
+        "method": settings.solver(found.compiled.loaded.options.solver.clone())?.method.unwrap_or(interface.solver.method).name(),
         "nonzeros": model.pattern().nonzeros(),
         "roots": roots.collect::<Vec<Value>>(),
         "invariants": interface.invariants.iter().map(|i| i.name.as_str()).collect::<Vec<&str>>(),
@@ -72,6 +75,7 @@ fn equations(model: &CompiledModel, sources: &SourceMap) -> Vec<Value> {
         let place = sources.locate(row.span);
         json!({
             "unknown": name, "count": counts.get(key), "range": range(sources, row.span), "line": place.line, "text": sources.text(row.span),
+            "uri": uri_of(Path::new(sources.name(row.span.file))),
         })
     };
     order.iter().map(entry).collect()
