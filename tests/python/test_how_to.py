@@ -5,7 +5,7 @@ A section of a page is one task in a folder that holds `tank.eq` of the first pa
 - a block with `title="NAME"` is the file NAME; a model must compile, unless its name begins with `faulty`;
 - a block `eq` without a title is appended to `tank.eq`;
 - blocks `python` run one after another in one scope, blocks `sh` in a shell;
-- a block `text` that follows one of them is its output: numbers agree to the digits printed, `...` stands for anything.
+- a block `text` that follows one of them is its output: numbers agree to the digits printed, `...` matches anything.
 
 A section that names an extra (``extra `sb3` ``) or a package (`pip install NAME`) is skipped where that is not installed.
 """
