@@ -70,8 +70,8 @@ fn helps(
 fn candidates(program: &Program, d: &Diagnostic) -> Vec<Fix> {
     let Some(file) = program.file(d.primary.span.file) else { return Vec::new() };
     let mut maker = Maker { program, path: file.path.clone(), text: &file.text, place: d.primary.span, list: Vec::new() };
-    maker.from_help(d);
-    maker.from_code(d);
+    maker.add_for_help(d);
+    maker.add_for_code(d);
     maker.list
 }
 
@@ -102,17 +102,17 @@ impl Maker<'_> {
     }
 
     /// Texts in back-ticks of the help, in place of the marked text, or where they belong.
-    fn from_help(&mut self, d: &Diagnostic) {
+    fn add_for_help(&mut self, d: &Diagnostic) {
         let help = d.help.clone().unwrap_or_default();
         if help.starts_with("remove it") || help.starts_with("use it, or take it away") || help.starts_with("keep one of the two") {
             self.remove();
         }
         for code in help.split('`').skip(1).step_by(2) {
-            self.from_code_of_help(code, &help);
+            self.add_for_code_of_help(code, &help);
         }
     }
 
-    fn from_code_of_help(&mut self, code: &str, help: &str) {
+    fn add_for_code_of_help(&mut self, code: &str, help: &str) {
         let (start, end) = (self.start(), self.end());
         if let Some(clause) = code.strip_prefix("for ") {
             return self.append_for(clause);
@@ -174,7 +174,7 @@ impl Maker<'_> {
         }
     }
 
-    fn from_code(&mut self, d: &Diagnostic) {
+    fn add_for_code(&mut self, d: &Diagnostic) {
         if d.code == codes::UNKNOWN_NAME {
             self.declare();
         }

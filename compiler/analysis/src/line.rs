@@ -187,7 +187,7 @@ impl<'t> Line<'t> {
             return Wanted::Units(self.expected_unit(program, facts, file));
         }
         let commas = (at + 1..self.tokens.len()).filter(|&i| self.word(i) == ",").count();
-        if self.declares() && self.word(at + 1) != "" && self.back(0) == "in" || self.declares() && at == 2 {
+        if self.declares() && !self.word(at + 1).is_empty() && self.back(0) == "in" || self.declares() && at == 2 {
             return Wanted::Kinds(&[SymbolKind::Set, SymbolKind::Domain]);
         }
         Wanted::Index(self.path_before(at), commas)
