@@ -61,12 +61,12 @@ impl Session {
         if is_scenario(&path_of(&text_document.uri)) {
             let scenario = self.scenario(&text_document.uri)?;
             let places = scenario.places();
-            let found = scenario::hover(&scenario.at.program, &scenario.at.facts(), &scenario.text, places.offset(position));
+            let found = scenario::hover(&scenario.at.program, scenario.at.facts(), &scenario.text, places.offset(position));
             return answer(found.map(|hover| shown(hover, places)));
         }
         let at = self.at(&text_document.uri)?;
         let places = at.places();
-        let found = hover::hover(&at.program, &at.facts(), at.file, places.offset(position));
+        let found = hover::hover(&at.program, at.facts(), at.file, places.offset(position));
         answer(found.map(|hover| shown(hover, places)))
     }
 
@@ -75,12 +75,12 @@ impl Session {
         if is_scenario(&path_of(&text_document.uri)) {
             let scenario = self.scenario(&text_document.uri)?;
             let places = scenario.places();
-            let found = scenario::complete(&scenario.at.program, &scenario.at.facts(), &scenario.text, places.offset(position));
+            let found = scenario::complete(&scenario.at.program, scenario.at.facts(), &scenario.text, places.offset(position));
             return answer(items(&found, places));
         }
         let at = self.at(&text_document.uri)?;
         let places = at.places();
-        let found = complete(&at.program, &at.facts(), self.texts().as_ref(), at.file, places.offset(position));
+        let found = complete(&at.program, at.facts(), self.texts().as_ref(), at.file, places.offset(position));
         answer(items(&found, places))
     }
 
@@ -327,7 +327,7 @@ impl Session {
         let at = self.at(&params.text_document.uri)?;
         let places = at.places();
         let within = places.bytes(params.range);
-        let shown = hints::hints(&at.program, &at.facts(), at.file)
+        let shown = hints::hints(&at.program, at.facts(), at.file)
             .into_iter()
             .filter(|hint| within.start <= hint.offset && hint.offset <= within.end && self.settings.shows(hint.kind));
         let list = shown.map(|hint| InlayHint {

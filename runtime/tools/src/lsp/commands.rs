@@ -27,7 +27,7 @@ impl Session {
         let at = self.at(uri)?;
         let statements = &at.program.files[usize::from(at.file.0)].tree.statements;
         let model = statements.iter().find(|s| matches!(s.kind, StatementKind::Model { .. } | StatementKind::Time { .. }));
-        let Some(model) = model.filter(|_| !at.program.is_library() || at.file.0 == 0) else { return answer(Value::Null) };
+        let Some(model) = model.filter(|_| at.file.0 == 0) else { return answer(Value::Null) };
         let range = at.places().range(&(model.span.start as usize..model.span.end as usize));
         let lens = |(command, title): &(&str, &str)| json!({ "range": range, "command": { "title": title, "command": command, "arguments": [uri] } });
         answer(LENSES.iter().map(lens).collect::<Vec<_>>())

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, LazyLock};
 
 use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::{InitializeParams, PositionEncodingKind, TextDocumentContentChangeEvent, Uri};
@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use smpl_analysis::check::Facts;
 use smpl_analysis::position::{Encoding, Lines};
-use smpl_analysis::program::Program;
+use smpl_analysis::program::{Program, imports};
 use smpl_analysis::reference::EXAMPLES;
 use smpl_analysis::texts::{Texts, model_of_scenario};
 use smpl_dsl::span::FileId;
@@ -91,8 +91,10 @@ impl At {
         Places { text: &file.text, lines: &file.lines, encoding: self.encoding }
     }
 
-    pub(super) fn facts(&self) -> Facts {
-        self.outcome.as_ref().map(|outcome| outcome.checked.facts.clone()).unwrap_or_default()
+    /// What the compiler derived; nothing before the first check.
+    pub(super) fn facts(&self) -> &Facts {
+        static NOTHING: LazyLock<Facts> = LazyLock::new(Facts::default);
+        self.outcome.as_ref().map_or(&NOTHING, |outcome| &outcome.checked.facts)
     }
 }
 
@@ -378,7 +380,7 @@ impl Session {
         Some(program)
     }
 
-    /// The main file in which a file is read: itself, or for a library file a model that imports it, an open one first.
+    /// The main file in which a file is read: itself, or for a part of models a model that imports it, an open one first.
     pub(super) fn root_of(&mut self, path: &Path) -> PathBuf {
         if let Some(root) = self.roots.get(path) {
             return root.clone();
@@ -389,15 +391,15 @@ impl Session {
     }
 
     fn importer_of(&mut self, path: &Path) -> Option<PathBuf> {
-        if is_scenario(path) || !self.program(path)?.is_library() {
+        if is_scenario(path) || self.program(path)?.is_model() {
             return None;
         }
         let texts = self.texts();
         let open = texts.open().into_iter().filter(|file| !is_scenario(file));
         let candidates = open.chain(texts.models(path)).filter(|model| model != path);
         candidates.into_iter().find(|model| {
-            let program = Program::new(model, texts.as_ref());
-            program.is_some_and(|program| program.file_of(path).is_some() && !program.is_library())
+            let program = imports(model, texts.as_ref()).then(|| Program::new(model, texts.as_ref())).flatten();
+            program.is_some_and(|program| program.file_of(path).is_some() && program.is_model())
         })
     }
 
