@@ -7,7 +7,7 @@ A section of a page is one task in a folder that holds `tank.eq` of the first pa
 - blocks `python` run one after another in one scope, blocks `sh` in a shell;
 - a block `text` that follows one of them is its output: numbers agree to the digits printed, `...` matches anything.
 
-A section that names an extra (``extra `sb3` ``) or a package (`pip install NAME`) is skipped where that is not installed.
+A section that names an extra (``extra `sb3` ``) or a package (`pip install NAME`) is skipped where it is not installed.
 """
 
 from __future__ import annotations
@@ -99,7 +99,9 @@ def _blank(text: str) -> str:
 def _close(shown: str, found: str) -> bool:
     mantissa, _, power = shown.lower().partition("e")
     digits = len(mantissa.partition(".")[2])
-    return abs(float(shown) - float(found)) <= 2 * 10.0 ** (int(power or 0) - digits) if "." in shown else shown == found
+    return (
+        abs(float(shown) - float(found)) <= 2 * 10.0 ** (int(power or 0) - digits) if "." in shown else shown == found
+    )
 
 
 def python(code: str, scope: dict[str, object]) -> str:
@@ -130,6 +132,7 @@ def test_task_runs_as_printed(body: str, tmp_path: Path, monkeypatch: pytest.Mon
     if module := missing(body):
         pytest.skip(f"{module} is not installed")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     index = (ROOT / "docs/how-to/README.md").read_text(encoding="utf-8")
     Path("tank.eq").write_text(next(text for _, title, text in BLOCK.findall(index) if title == "tank.eq"))
     scope: dict[str, object] = {"__name__": "how_to"}
