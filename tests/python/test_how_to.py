@@ -74,7 +74,7 @@ def anchor(heading: str) -> str:
 
 def missing(body: str) -> str:
     """The first package that a section names and that is not installed, or an empty text."""
-    names = re.findall(r"extras? `([\w-]+)`", body) + re.findall(r"`pip install ([\w-]+)`", body)
+    names = re.findall(r"extra `([\w-]+)`", body) + re.findall(r"`pip install ([\w-]+)`", body)
     modules = [module for name in names for module in MODULES[name]]
     return next((module for module in modules if importlib.util.find_spec(module) is None), "")
 
