@@ -62,7 +62,7 @@ export async function open(server, uri, options = {}) {
   const errors = [];
   page.on("console", (message) => ["error", "warning"].includes(message.type()) && errors.push(message.text()));
   page.on("pageerror", (error) => errors.push(String(error.stack ?? error)));
-  page.setDefaultTimeout(30_000);
+  page.setDefaultTimeout(60_000);
   await page.goto(uri ? `${server.address}?open=${encodeURIComponent(uri)}` : server.address);
   if (uri) await page.locator(".panel canvas").first().waitFor();
   return { page, context, errors, close: () => context.close() };

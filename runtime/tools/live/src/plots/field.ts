@@ -14,6 +14,14 @@ const MARGIN = { left: 58, right: 10, top: 8, bottom: 32 };
 /** Time in which a whole run plays, in milliseconds. */
 const PLAY_TIME = 6000;
 
+/** A colour as a pixel of an image: bytes red, green, blue, alpha. */
+function pixel(share: number): number {
+  return new Uint32Array(Uint8Array.of(...viridis(share), 255).buffer)[0] as number;
+}
+
+const SHADES = Uint32Array.from({ length: 256 }, (_, i) => pixel(i / 255));
+const GAP = pixel(NaN);
+
 interface Box {
   x: number;
   y: number;
@@ -202,6 +210,7 @@ export class FieldPanel {
     image.height = rows;
     const ctx = image.getContext("2d") as CanvasRenderingContext2D;
     const pixels = ctx.createImageData(columns, rows);
+    const words = new Uint32Array(pixels.data.buffer);
     const [low, high] = this.range;
     const part = this.part();
     const cells = this.field?.cells ?? 1;
@@ -211,8 +220,8 @@ export class FieldPanel {
     for (let c = 0; c < columns; c += 1) {
       const row = Math.max(0, lastNotAbove(this.times, t0 + ((c + 0.5) / columns) * (t1 - t0)));
       for (let r = 0; r < rows; r += 1) {
-        const [red, green, blue] = viridis(((part[row * cells + (cellOfRow[r] as number)] as number) - low) / (high - low));
-        pixels.data.set([red, green, blue, 255], 4 * (r * columns + c));
+        const share = ((part[row * cells + (cellOfRow[r] as number)] as number) - low) / (high - low);
+        words[r * columns + c] = Number.isNaN(share) ? GAP : (SHADES[Math.round(Math.min(1, Math.max(0, share)) * 255)] as number);
       }
     }
     ctx.putImageData(pixels, 0, 0);
