@@ -1,4 +1,5 @@
 // Prints latencies of the page: from a keystroke to its diagnostics, and from a slider to the new curves.
+// Arguments: names of shipped models; all of them without arguments.
 
 import { closeBrowser, missing, open, serve, shipped, TANK, toLine } from "./harness.mjs";
 
@@ -10,8 +11,9 @@ if (missing) {
 }
 
 const server = await serve({ "tank.eq": TANK });
+const names = process.argv.length > 2 ? process.argv.slice(2) : ["reactor", "beer", "pensim", "atropine", "mab"];
 const models = [["tank", server.uri("tank.eq")]];
-for (const name of ["reactor", "beer", "pensim", "atropine", "mab"]) models.push([name, await shipped(server, name)]);
+for (const name of names) models.push([name, await shipped(server, name)]);
 console.log("model      keystroke to diagnostics [ms]   slider to curves [ms]   (median, 90th percentile)");
 for (const [name, uri] of models) {
   const { page, close } = await open(server, uri);
