@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from smpl import _style
 from smpl._arguments import FloatArray
 from smpl._optional import load
 
@@ -33,25 +34,26 @@ def fit_figure(
         ImportError: Matplotlib is missing.
     """
     figure_class = load("matplotlib.figure", "a picture of a fit").Figure
-    names = list(noise)
-    figure = figure_class(figsize=(10, 0.6 + 2.1 * len(names)), layout="constrained")
-    axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
-    for (left, right), name in zip(axes, names, strict=True):
-        for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):
-            instants, color = times[number], f"C{number % 10}"
-            read = np.isfinite(rest[name])
-            left.plot(instants[read], (line[name] + rest[name])[read], ".", ms=4, color=color, alpha=0.5)
-            left.plot(instants, line[name], color=color, lw=1.2, label=f"run {number}")
-            right.plot(instants[read], rest[name][read] / noise[name], ".", ms=4, color=color)
-        unit = units.get(name, "1")
-        left.set_ylabel(name if unit == "1" else f"{name} [{unit}]")
-        right.axhspan(-1.96, 1.96, color="0.92", zorder=0)
-        right.axhline(0.0, color="0.6", lw=0.8)
-        right.set_ylabel("residual / deviation")
-    if len(simulated) > 1:
-        axes[0, 0].legend(fontsize="small", ncols=min(len(simulated), 5))
-    axes[0, 0].set_title("fit (lines) and readings (points)", fontsize="medium")
-    axes[0, 1].set_title("residuals; the band holds 95 %", fontsize="medium")
-    for axis in axes[-1]:
-        axis.set_xlabel(time)
+    with _style.styled():
+        names = list(noise)
+        figure = figure_class(figsize=(_style.WIDTH, 0.7 + 1.8 * len(names)), layout="constrained")
+        axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
+        for (left, right), name in zip(axes, names, strict=True):
+            for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):
+                instants, color = times[number], _style.colour(number)
+                read = np.isfinite(rest[name])
+                left.plot(instants[read], (line[name] + rest[name])[read], ".", ms=4, color=color, alpha=0.5)
+                left.plot(instants, line[name], color=color, linestyle=_style.dashes(number), label=f"run {number}")
+                right.plot(instants[read], rest[name][read] / noise[name], ".", ms=4, color=color)
+            _style.heading(left, name, units.get(name, "1"), "line: fit, points: readings")
+            right.axhspan(-1.96, 1.96, color="#efefef", zorder=0)
+            right.axhline(0.0, color=_style.AXIS, lw=0.8)
+            _style.heading(right, "residual / deviation", "", "band: 95 %")
+            for axis in (left, right):
+                _style.ticks_of(axis)
+        _style.legend(figure, axes[0, 0])
+        for axis in axes[-1]:
+            axis.set_xlabel(time)
+        # Ticks are laid out here, with the sizes that hold here.
+        figure.draw_without_rendering()
     return figure

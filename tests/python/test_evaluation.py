@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from smpl import _style
 from smpl.controllers import Constant, Proportional
 from smpl.evaluate import compare_controllers, main
 from smpl.evaluation import evaluate, per_episode, pooled
@@ -155,6 +156,61 @@ def test_the_command_prints_a_table_and_writes_three_reports(tmp_path, capsys):
     assert not re.search(r'(src|href)="(?!data:)', page)  # nothing outside of the file
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     assert page.count("data:image/png;base64,") >= 3 and (tmp_path / "trajectories.png").is_file()
+
+
+def test_the_report_has_figures_of_one_width_and_intervals_on_one_line(tmp_path):
+    image = pytest.importorskip("matplotlib.image", reason="matplotlib is not installed")
+    arguments = ["smpl/Reactor-v0", "--controller", "pid", "--controller", "random", "--episodes", "3", "--quiet"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "report.html").read_text()
+    assert re.search(r"td\{[^}]*white-space:nowrap", page) and _style.FONTS in page
+    assert re.search(r"<td>[\d.]+ [nµm]?s</td>", page)
+    widths = {image.imread(path).shape[1] for path in tmp_path.glob("*.png")}
+    assert len(widths) == 1
+
+
+def test_a_controller_far_off_leaves_the_second_panel_to_the_others():
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    from smpl.learning.pictures import _far
+
+    times = np.arange(3.0)
+
+    def band(low, high):
+        return times, np.full(3, low), np.full(3, low), np.full(3, high)
+
+    assert _far([band(0.0, 1.0), band(0.5, 2.0), band(-900.0, 5.0)]) == {2}
+    assert _far([band(0.0, 1.0), None, band(-900.0, 5.0)]) == {2}
+    assert _far([band(0.0, 1.0), band(0.5, 2.0), band(-3.0, 3.0)]) == set()
+    assert _far([band(0.0, 1.0)]) == set()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "written"),
+    [
+        (4.9637e-6, "s", "4.964 µs"),
+        (4.2e6, "J/kg", "4.2 MJ/kg"),
+        (2_433_073.0, "mg/h", "2.433 kg/h"),
+        (26.85, "degC", "26.85 °C"),
+        (12.0, "min", "12 min"),
+        (7e-4, "L/min", "700 µL/min"),
+        (5e6, "m^3/s", "5\u00d710⁶ m³/s"),  # the power is one of the prefix too
+        (5e6, "min", "5\u00d710⁶ min"),
+        (-28.32715, "1", "\u221228.33"),
+        (1999.9994, "1", "2000"),
+        (30, "1", "30"),
+        (0.0, "kg", "0 kg"),
+        (float("nan"), "1", "\u2013"),
+    ],
+)
+def test_numbers_have_significant_digits_and_prefixes_in_place_of_powers(value, unit, written):
+    assert _style.quantity(value, unit) == written
+
+
+def test_colours_of_figures_are_those_of_run_pictures():
+    source = (Path(__file__).parents[2] / "runtime/tools/src/picture/colour.rs").read_text()
+    for name in ("BLUE", "VERMILION", "GREEN", "ORANGE", "PURPLE", "SKY", "INK", "GREY", "AXIS", "GRID"):
+        parts = re.search(rf"const {name}: Colour = Colour\((\d+), (\d+), (\d+)\)", source).groups()
+        assert getattr(_style, name) == "#" + "".join(f"{int(part):02x}" for part in parts), name
 
 
 def test_a_full_disk_is_told_with_the_file_that_did_not_fit(tmp_path, monkeypatch, capsys):

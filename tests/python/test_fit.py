@@ -374,7 +374,8 @@ def test_the_picture_has_a_row_for_each_output_and_residuals_beside(readings):
     pytest.importorskip("matplotlib")
     found = smpl.fit(decay("noisy"), [table(readings), table(readings)], ["k"])
     axes = found.figure().axes
-    assert [axis.get_ylabel() for axis in axes] == ["x", "residual / deviation"]
+    assert [axis.get_title(loc="left") for axis in axes] == ["x", "residual / deviation"]
+    assert all(len(axis.get_xticks()) > 1 and len(axis.get_yticks()) > 1 for axis in axes)
     assert len(axes[0].lines) == 4  # points and a line of each run
     points, line = axes[0].lines[:2]
     np.testing.assert_allclose(points.get_ydata(), readings)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from smpl import _style
 from smpl._arguments import FloatArray
 from smpl.evaluation import Episode
 from smpl.learning.plan import Plan
@@ -16,45 +17,78 @@ from smpl.learning.scores import Score, physical
 
 # The most rows of trajectories that are drawn.
 _PANELS = 8
+# A second panel leaves out a controller that makes the range this many times as wide as the others need.
+_FAR = 6.0
+
+_Bands = list[tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None]
 
 
 def pictures(plan: Plan, scores: Sequence[Score]) -> dict[str, tuple[str, bytes]]:
     """Name of each picture to its title and its PNG."""
-    made: dict[str, tuple[str, Figure]] = {
-        "trajectories": ("Trajectories: median, 5 to 95 %, and bounds (dotted)", _trajectories(plan, scores)),
-        "returns": ("Returns: share of episodes below", _returns(scores)),
-    }
-    if any(sum(one.violations.values()) for score in scores for one in score.summaries):
-        made["violations"] = ("Violations: mean over episodes, of a range, summed over steps", _violations(scores))
-    if len(scores) > 1 and len(scores[0].summaries[0].start) > 1:
-        made["starts"] = (f"Starts: return less that of {scores[0].name}", _starts(plan, scores))
-    return {name: (title, _png(figure)) for name, (title, figure) in made.items()}
+    with _style.styled():
+        made: dict[str, tuple[str, Figure]] = {
+            "trajectories": ("Trajectories: median, 5 to 95 %, and bounds (dashed)", _trajectories(plan, scores)),
+            "returns": ("Returns: share of episodes below", _returns(scores)),
+        }
+        if any(sum(one.violations.values()) for score in scores for one in score.summaries):
+            made["violations"] = ("Violations: mean over episodes, of a range, summed over steps", _violations(scores))
+        if len(scores) > 1 and len(scores[0].summaries[0].start) > 1:
+            made["starts"] = (f"Starts: return less that of {scores[0].name}", _starts(plan, scores))
+        return {name: (title, _png(figure)) for name, (title, figure) in made.items()}
 
 
 def _trajectories(plan: Plan, scores: Sequence[Score]) -> Figure:
-    model = plan.task.model
-    observed = list(range(min(len(model.observation_names), _PANELS - min(len(model.action_names), 3))))
-    acted = list(range(min(len(model.action_names), _PANELS - len(observed))))
-    figure = Figure(figsize=(9, 1.8 * (len(observed) + len(acted))), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(len(observed) + len(acted), 1, sharex=True))
-    for axis, i in zip(axes, observed, strict=False):
-        values = [[physical(plan, one.observations)[:, i] for one in score.kept] for score in scores]
-        _band(axis, scores, values)
-        _bounds(axis, model.native.bounds("observation"), i)
-        axis.set_ylabel(_label(model.observation_names[i], model.observation_units[i]))
-    for axis, i in zip(axes[len(observed) :], acted, strict=True):
-        _band(axis, scores, [[_actions(one)[:, i] for one in score.kept] for score in scores])
-        _bounds(axis, model.native.bounds("action"), i)
-        axis.set_ylabel(_label(model.action_names[i], model.action_units[i]))
-    axes[-1].set_xlabel(f"time, {model.time_unit}")
-    axes[0].legend(loc="best", fontsize="small")
+    """A row for each observation and action; where a controller is far off, a second panel shows the others."""
+    rows, left_out = _rows(plan, scores)
+    far = [_far(bands) for _, _, bands, _ in rows]
+    figure = Figure(figsize=(_style.WIDTH, 0.5 + 1.5 * len(rows)), layout="constrained")
+    columns = 2 if any(far) else 1
+    grid = figure.add_gridspec(len(rows), columns)
+    shared: Any = None
+    for i, (name, unit, bands, bounds) in enumerate(rows):
+        for place, hidden in [(grid[i, 0], set()), (grid[i, 1], far[i])] if far[i] else [(grid[i, :], set())]:
+            note = "without " + ", ".join(scores[k].name for k in sorted(hidden)) if hidden else ""
+            axis = figure.add_subplot(place, sharex=shared)
+            shared = shared or axis
+            _draw(axis, scores, bands, hidden)
+            _bounds(axis, bounds)
+            _style.heading(axis, name, unit, note)
+            _style.ticks_of(axis)
+            if i == len(rows) - 1:
+                axis.set_xlabel(f"time [{_style.typeset(plan.task.model.time_unit)}]")
+            else:
+                axis.tick_params(labelbottom=False)
+    _style.legend(figure, figure.axes[0])
+    if left_out:
+        figure.supxlabel(
+            f"Not shown ({len(left_out)}): {', '.join(left_out)}", x=0.01, ha="left", fontsize=7.5, color=_style.GREY
+        )
     return figure
 
 
-def _band(axis: Any, scores: Sequence[Score], values: Sequence[Sequence[FloatArray]]) -> None:
-    """Median and band of the episodes that still run at each time."""
+def _rows(plan: Plan, scores: Sequence[Score]) -> tuple[list[tuple[str, str, _Bands, tuple[float, float]]], list[str]]:
+    """Name, unit, bands and bounds of what is shown, and the names of what is left out for want of room."""
+    model = plan.task.model
+    observed = min(len(model.observation_names), _PANELS - min(len(model.action_names), 3))
+    acted = min(len(model.action_names), _PANELS - observed)
+    rows = []
+    for i in range(observed):
+        bands = _bands(scores, [[physical(plan, one.observations)[:, i] for one in score.kept] for score in scores])
+        low, high = model.native.bounds("observation")
+        rows.append((model.observation_names[i], model.observation_units[i], bands, (float(low[i]), float(high[i]))))
+    for i in range(acted):
+        bands = _bands(scores, [[_actions(one)[:, i] for one in score.kept] for score in scores])
+        low, high = model.native.bounds("action")
+        rows.append((model.action_names[i], model.action_units[i], bands, (float(low[i]), float(high[i]))))
+    return rows, [*model.observation_names[observed:], *model.action_names[acted:]]
+
+
+def _bands(scores: Sequence[Score], values: Sequence[Sequence[FloatArray]]) -> _Bands:
+    """Times, and 5 %, median and 95 % of the episodes that still run then, for each controller."""
+    found: _Bands = []
     for score, series in zip(scores, values, strict=True):
         if not series:
+            found.append(None)
             continue
         longest = max(map(len, series))
         table = np.full((len(series), longest), np.nan)
@@ -62,41 +96,82 @@ def _band(axis: Any, scores: Sequence[Score], values: Sequence[Sequence[FloatArr
             row[: len(one)] = one
         times = max((one.times for one in score.kept), key=len)[:longest]
         low, middle, high = np.nanquantile(table, [0.05, 0.5, 0.95], axis=0)
-        (line,) = axis.plot(times, middle, label=score.name)
-        axis.fill_between(times, low, high, alpha=0.2, color=line.get_color(), linewidth=0)
+        found.append((times, low, middle, high))
+    return found
 
 
-def _bounds(axis: Any, bounds: tuple[FloatArray, FloatArray], i: int) -> None:
-    """Bounds as dotted lines where they are near what is shown."""
+def _far(bands: _Bands) -> set[int]:
+    """Controllers without which the panel is much narrower, those farthest off first; never all but a constant."""
+    extents = {
+        i: (float(np.nanmin(band[1])), float(np.nanmax(band[3]))) for i, band in enumerate(bands) if band is not None
+    }
+
+    def width(members: Sequence[int]) -> float:
+        return max(extents[i][1] for i in members) - min(extents[i][0] for i in members)
+
+    far: set[int] = set()
+    while len(rest := [i for i in extents if i not in far]) > 1:
+        one = min(rest, key=lambda i: width([other for other in rest if other != i]))
+        others = width([i for i in rest if i != one])
+        if not others > 0 or width(rest) < _FAR * others:
+            break
+        far.add(one)
+    return far
+
+
+def _draw(axis: Any, scores: Sequence[Score], bands: _Bands, hidden: set[int]) -> None:
+    for i, (score, band) in enumerate(zip(scores, bands, strict=True)):
+        if band is None or i in hidden:
+            continue
+        times, low, middle, high = band
+        axis.plot(times, middle, label=score.name, color=_style.colour(i), linestyle=_style.dashes(i))
+        axis.fill_between(times, low, high, alpha=0.18, color=_style.colour(i), linewidth=0)
+
+
+def _bounds(axis: Any, bounds: tuple[float, float]) -> None:
+    """Bounds as dashed lines with their values, where they are near what is shown."""
     bottom, top = axis.get_ylim()
     reach = 0.5 * (top - bottom)
-    for bound in (bounds[0][i], bounds[1][i]):
+    for bound, align in zip(bounds, ("bottom", "top"), strict=True):
         if np.isfinite(bound) and bottom - reach <= bound <= top + reach:
-            axis.axhline(bound, color="0.4", linestyle=":", linewidth=1)
+            axis.axhline(bound, **_style.BOUND)
+            place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": align, "ha": "right"}
+            offset = (-3, 2 if align == "bottom" else -2)
+            axis.annotate(_style.number(bound), (1, bound), offset, color=_style.INK, fontsize=7, **place)
 
 
 def _returns(scores: Sequence[Score]) -> Figure:
-    figure = Figure(figsize=(8, 4), layout="constrained")
+    figure = Figure(figsize=(_style.WIDTH, 3.2), layout="constrained")
     axis = figure.subplots()
-    for score in scores:
+    for i, score in enumerate(scores):
         values = np.sort(score.returns)
-        axis.step(values, np.arange(1, len(values) + 1) / len(values), where="post", label=score.name)
+        (line,) = axis.step(values, np.arange(1, len(values) + 1) / len(values), where="post", label=score.name)
+        line.set(color=_style.colour(i), linestyle=_style.dashes(i))
+    _style.widen(axis.set_xscale, [float(value) for score in scores for value in score.returns], 3)
     axis.set_xlabel("return")
     axis.set_ylabel("share of episodes")
-    axis.legend(loc="best", fontsize="small")
+    _style.ticks_of(axis)
+    _style.legend(figure, axis)
     return figure
 
 
 def _violations(scores: Sequence[Score]) -> Figure:
     names = list(scores[0].summaries[0].violations)
-    figure = Figure(figsize=(8, 0.8 + 0.4 * len(names)), layout="constrained")
+    means = [[float(np.mean([one.violations[name] for one in score.summaries])) for name in names] for score in scores]
+    figure = Figure(figsize=(_style.WIDTH, 0.9 + 0.35 * len(names)), layout="constrained")
     axis = figure.subplots()
     height = 0.8 / len(scores)
-    for number, score in enumerate(scores):
-        values = [float(np.mean([one.violations[name] for one in score.summaries])) for name in names]
-        axis.barh(np.arange(len(names)) + number * height, values, height, label=score.name)
+    for number, (score, values) in enumerate(zip(scores, means, strict=True)):
+        place = np.arange(len(names)) + number * height
+        axis.barh(place, values, height, label=score.name, color=_style.colour(number))
     axis.set_yticks(np.arange(len(names)) + 0.4 - height / 2, names)
-    axis.legend(loc="best", fontsize="small")
+    axis.invert_yaxis()
+    axis.grid(axis="x")
+    axis.grid(visible=False, axis="y")
+    positive = [value for values in means for value in values if value > 0]
+    _style.widen(axis.set_xscale, positive, 3)
+    axis.set_xlabel("violation of an episode, of the range")
+    _style.legend(figure, axis)
     return figure
 
 
@@ -105,18 +180,25 @@ def _starts(plan: Plan, scores: Sequence[Score]) -> Figure:
     starts = np.stack([one.start for one in scores[0].summaries])
     extent = np.ptp(starts, axis=0) / np.maximum(np.abs(starts).max(axis=0), 1e-300)
     x, y = sorted(np.argsort(extent)[-2:])
-    figure = Figure(figsize=(4.5 * (len(scores) - 1) + 1, 4), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, len(scores) - 1))
+    columns = min(len(scores) - 1, 3)
+    rows = -(-(len(scores) - 1) // columns)
+    figure = Figure(figsize=(_style.WIDTH, 0.4 + 2.9 * rows), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, max(columns, 2), squeeze=False)).ravel()
     names, units = plan.task.model.observation_names, plan.task.model.observation_units
-    for axis, score in zip(axes, scores[1:], strict=True):
+    for axis, score in zip(axes, scores[1:], strict=False):
         difference = score.returns - scores[0].returns
         # The extreme tenth would hide all others.
         limit = float(np.quantile(np.abs(difference), 0.9)) or 1.0
-        drawn = axis.scatter(starts[:, x], starts[:, y], c=difference, s=12, cmap="RdBu", vmin=-limit, vmax=limit)
-        figure.colorbar(drawn, ax=axis)
+        style = {"s": 16, "cmap": _style.diverging(), "vmin": -limit, "vmax": limit}
+        drawn = axis.scatter(starts[:, x], starts[:, y], c=difference, edgecolors="#505050", linewidths=0.3, **style)
+        bar = figure.colorbar(drawn, ax=axis, extend="both")
+        bar.outline.set_visible(False)
         axis.set_title(score.name)
         axis.set_xlabel(_label(names[x], units[x]))
         axis.set_ylabel(_label(names[y], units[y]))
+        _style.ticks_of(axis)
+    for axis in axes[len(scores) - 1 :]:
+        axis.set_axis_off()
     return figure
 
 
@@ -127,10 +209,11 @@ def _actions(one: Episode) -> FloatArray:
 
 
 def _label(name: str, unit: str) -> str:
-    return name if unit in ("", "1") else f"{name}, {unit}"
+    written = _style.typeset(unit)
+    return f"{name} [{written}]" if written else name
 
 
 def _png(figure: Figure) -> bytes:
     target = io.BytesIO()
-    figure.savefig(target, format="png", dpi=110, metadata={"Software": None})
+    figure.savefig(target, format="png", dpi=160, metadata={"Software": None})
     return target.getvalue()

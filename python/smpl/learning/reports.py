@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from smpl import _style
 from smpl._optional import install
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, compare
@@ -25,7 +26,7 @@ _COLUMNS = (
     ("cost", "cost_mean", None),
     ("settled", "settled", None),
     ("settling", "settling_time", None),
-    ("decision, ms", "latency_ms", None),
+    ("decision", "latency_ms", None),
 )
 _LEGEND = (
     "per step: mean ± population standard deviation over all steps of all episodes; per episode: over the episodes' "
@@ -68,7 +69,8 @@ def table(report: Mapping[str, Any]) -> list[list[str]]:
 
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows for a terminal."""
+    """Rows for a terminal, with minus signs that other programs read."""
+    rows = [[_style.plain(cell) for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
@@ -130,20 +132,27 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], n
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:])
     findings = "".join(f"<li>{html.escape(line[2:])}</li>" for line in _findings(report))
     figures = "".join(
-        f'<figure><img alt="{html.escape(title)}" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
-        f"<figcaption>{html.escape(title)}</figcaption></figure>"
+        f"<figure><figcaption>{html.escape(title)}</figcaption>"
+        f'<img alt="{html.escape(title)}" src="data:image/png;base64,{base64.b64encode(data).decode()}"></figure>'
         for title, data in pictures.values()
     )
     style = (
-        "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}"
-        "table{border-collapse:collapse}th,td{padding:.3rem .7rem;border-bottom:1px solid #ccc;text-align:left}"
-        "img{max-width:100%}figure{margin:1.5rem 0}figcaption{color:#555}"
+        f"body{{font:14px/1.5 {_style.FONTS};color:{_style.INK};max-width:72rem;margin:2rem auto;padding:0 1rem}}"
+        "h1{font-size:1.3rem;margin:0 0 .3rem}.note{color:#696969;font-size:.9em}.wide{overflow-x:auto}"
+        "table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.88em}"
+        "th,td{padding:.3rem .55rem;border-bottom:1px solid #e4e4e4;text-align:right;white-space:nowrap}"
+        "th{border-bottom:1px solid #8c8c8c}th:first-child,td:first-child{text-align:left;padding-left:0}"
+        "figure{margin:1.8rem 0;max-width:60rem}figcaption{font-weight:bold;margin-bottom:.4rem}"
+        "img{width:100%;height:auto}"
     )
     title = html.escape(_title(report))
+    head_of_page = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
+    written = f"<table><tr>{head}</tr>{body}</table>"
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
-        f"<h1>{title}</h1><p>{html.escape(_about(report))}</p><table><tr>{head}</tr>{body}</table>"
-        f"<p>{html.escape(_LEGEND)}</p><ul>{findings}</ul><p>{html.escape(note, quote=False)}</p>{figures}</html>\n"
+        f'<!doctype html><html lang="en">{head_of_page}<style>{style}</style>'
+        f'<h1>{title}</h1><p class="note">{html.escape(_about(report))}</p><div class="wide">{written}</div>'
+        f'<p class="note">{html.escape(_LEGEND)}</p><ul>{findings}</ul><p>{html.escape(note, quote=False)}</p>'
+        f"{figures}</html>\n"
     )
 
 
@@ -179,14 +188,15 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
         for limit, excess in values["violations"].items():
             if excess > _MARK:
                 lines.append(
-                    f"- {name}: {limit} is exceeded by {_number(excess)} of its range an episode, summed over steps"
+                    f"- {name}: {limit} is exceeded by {_style.number(excess)} of its range an episode, "
+                    "summed over steps"
                 )
     for name, values in report["comparisons"].items():
         what, key = ("regret of", "regret") if "regret" in values else ("return differs by", "difference")
-        low, high = map(_number, values["regret_interval" if key == "regret" else "interval"])
+        ends = _style.interval(*values["regret_interval" if key == "regret" else "interval"])
         lines.append(
-            f"- {name} against {values['baseline']}, episode by episode: {what} {_number(values[key])} "
-            f"({low} to {high}), better in {100 * values['better']:.0f} % of the episodes"
+            f"- {name} against {values['baseline']}, episode by episode: {what} {_style.number(values[key])} "
+            f"({ends}), better in {100 * values['better']:.0f} % of the episodes"
         )
     return lines
 
@@ -195,17 +205,18 @@ def _cells(values: Mapping[str, Any]) -> list[str]:
     cells = []
     for _, key, other in _COLUMNS:
         value, more = values[key], None if other is None else values[other]
-        cell = "" if value is None else _number(value)
+        if value is None:
+            cell = ""
+        elif key == "latency_ms":
+            cell = _style.quantity(1e-3 * value, "s", 3)
+        else:
+            cell = _style.number(value)
         if isinstance(more, list):
-            cell += f" ({_number(more[0])} to {_number(more[1])})"
+            cell += f" ({_style.interval(*more)})"
         elif more is not None:
-            cell += f" ± {_number(more)}"
+            cell += f" ± {_style.number(more)}"
         cells.append(cell)
     return cells
-
-
-def _number(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.5g}"
 
 
 def _line(cells: Sequence[str]) -> str:
