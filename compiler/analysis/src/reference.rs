@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn units_are_explained_with_their_size_and_dimension() {
-        assert_eq!(unit("kJ").as_deref(), Some("`kJ` = 1000 kg m^2/s^2\n\n10^3 joule, unit of energy"));
+        assert_eq!(unit("kJ").as_deref(), Some("`kJ` = 1000 m^2 kg/s^2\n\n10^3 joule, unit of energy"));
         assert!(unit("°C").is_some_and(|text| text.contains("temperature")));
         assert_eq!(unit("parsec"), None);
     }

@@ -379,7 +379,7 @@ impl Bridge {
         looks_into(&mut Within { bridge: self, history }, (from, t), (open, Closely::No))
     }
 
-    /// Returns whether an integration begins where nothing can happen, see [`Safe::begin`](super::enclosure::Safe::begin).
+    /// Returns whether an integration begins where nothing can happen, see [`Safe::begin`](super::safe::Safe::begin).
     pub(super) fn begins_safely(&mut self, y: &[f64]) -> Result<bool, c_int> {
         let Some(mut history) = self.history.take() else { return Ok(false) };
         let taken = self.guarded(|system| history.safe.take_inputs(system));
@@ -388,9 +388,9 @@ impl Bridge {
         taken.map(|()| begins)
     }
 
-    /// Returns whether nothing can happen at a state.
-    pub(super) fn is_safe(&self, t: f64, y: &[f64]) -> bool {
-        let holds = |history: &History| history.safe.contains(t, &history.unknowns, y);
+    /// Returns whether nothing can happen at a state and for a time ahead along its derivatives.
+    pub(super) fn is_safe(&self, times: (f64, f64), state: (&[f64], &[f64])) -> bool {
+        let holds = |history: &History| history.safe.contains_along(times, &history.unknowns, state);
         !self.watch.has_loose(f64::INFINITY) && self.history.as_deref().is_some_and(holds)
     }
 

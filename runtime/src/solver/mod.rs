@@ -47,6 +47,7 @@ pub(crate) mod nonnegative;
 mod onestep;
 pub mod problems;
 mod quadrature;
+mod safe;
 mod settings;
 mod staggered;
 mod sundials;

@@ -123,8 +123,8 @@ pub(crate) trait Traverse {
     /// Returns whether an integration begins where no event can happen: conditions are as they were.
     fn begins_safely(&mut self) -> Result<bool, SolveError>;
 
-    /// Returns whether no event can happen at the present state.
-    fn is_safe(&mut self) -> bool;
+    /// Returns whether no event can happen at the present state and for a time ahead along its derivatives.
+    fn is_safe(&mut self, ahead: f64) -> bool;
 
     /// The time at which the last step began, if the integration can go back there.
     fn step_began(&self) -> Option<f64>;
@@ -158,13 +158,13 @@ pub(crate) trait Traverse {
     /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
     /// other inputs, perhaps, under which it would not.
     fn ends_at_event(&mut self) -> Result<bool, SolveError> {
-        if self.watched().0.is_empty() || self.is_safe() {
+        let ahead = self.span(AHEAD);
+        if self.watched().0.is_empty() || self.is_safe(ahead) {
             return Ok(false);
         }
         if self.watched().0.stale {
             self.evaluate_roots(self.time())?;
         }
-        let ahead = self.span(AHEAD);
         self.evaluate_along(ahead, false)?;
         let (watch, _) = self.watched();
         watch.forget_noise();

@@ -4,7 +4,8 @@
 //! Initial-Value Problems in Differential-Algebraic Equations*, SIAM 1996, section 5.2). It is kept by Newton's divided differences.
 
 use crate::solver::System;
-use crate::solver::enclosure::{Enclosure, Safe};
+use crate::solver::enclosure::Enclosure;
+use crate::solver::safe::Safe;
 use crate::solver::vector::Vector;
 
 /// Points of the polynomial of the highest order.

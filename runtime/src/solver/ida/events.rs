@@ -166,8 +166,8 @@ impl Traverse for Ida {
         self.memory.bridge_mut().begins_safely(self.y.entries()).map_err(|_| self.fault())
     }
 
-    fn is_safe(&mut self) -> bool {
-        self.memory.bridge().is_safe(self.time, self.y.entries())
+    fn is_safe(&mut self, ahead: f64) -> bool {
+        self.memory.bridge().is_safe((self.time, ahead), (self.y.entries(), self.yp.entries()))
     }
 
     fn step_began(&self) -> Option<f64> {

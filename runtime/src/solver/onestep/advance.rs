@@ -643,9 +643,10 @@ impl Traverse for Run<'_> {
         Ok(safe.begin(unknowns, frame.y(), watch))
     }
 
-    fn is_safe(&mut self) -> bool {
-        let OneStep { frame, events: Events { watch, bounded, unknowns, safe, .. }, .. } = &*self.one;
-        *bounded && !watch.has_loose(f64::INFINITY) && safe.contains(frame.t, unknowns, frame.y())
+    fn is_safe(&mut self, ahead: f64) -> bool {
+        let OneStep { frame, events: Events { watch, bounded, unknowns, safe, .. }, derivative, .. } = &*self.one;
+        let state = (frame.y(), entries(derivative, frame.n));
+        *bounded && !watch.has_loose(f64::INFINITY) && safe.contains_along((frame.t, ahead), unknowns, state)
     }
 
     fn step_began(&self) -> Option<f64> {
