@@ -256,6 +256,7 @@ impl Shared {
 
     /// Keeps what was found and publishes what is new in it.
     fn keep(&self, state: &mut State, root: &Path, (outcome, by_file): Found) {
+        let program = outcome.as_ref().map(|outcome| Arc::clone(&outcome.program));
         if let Some(outcome) = outcome {
             // Values of the last valid text are kept while the present one is invalid.
             let before = state.results.get(root).filter(|_| outcome.checked.facts.is_empty());
@@ -271,6 +272,11 @@ impl Shared {
                     continue;
                 }
                 let version = self.texts.version(&path);
+                // A text that has changed since gets a check of its own.
+                let checked = program.as_ref().and_then(|program| program.files.iter().find(|file| file.path == path));
+                if checked.is_some_and(|file| self.texts.text(&path).as_deref() != Some(&*file.text)) {
+                    continue;
+                }
                 let entry = (version, list);
                 let known = state.published.get(&path);
                 if known != Some(&entry) && !(known.is_none() && entry.1.is_empty() && version.is_none()) {
