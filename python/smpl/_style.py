@@ -144,7 +144,9 @@ def number(value: float, digits: int = 4) -> str:
     if -4 <= exponent < 6:
         text = _trimmed(f"{value:.{max(digits - 1 - exponent, 0)}f}")
     else:
-        text = f"{_trimmed(mantissa)}{_TIMES}10{str(exponent).translate(_SUPERSCRIPTS)}"
+        raised = f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+        factor = _trimmed(mantissa)
+        text = {"1": raised, "-1": f"-{raised}"}.get(factor, f"{factor}{_TIMES}{raised}")
     return text.replace("-", _MINUS)
 
 

@@ -187,9 +187,10 @@ fn axis(at: &At<'_>) -> Result<Axis, ReadError> {
         at.only(&["names"])?;
         return Ok(Axis::Names(texts(&names)?));
     }
-    at.only(&["first", "count"])?;
+    at.only(&["first", "count", "set"])?;
     let first = at.field("first")?.integer(1 << 40)?;
-    Ok(Axis::Numbers { first, count: at.field("count")?.count(MAX_ELEMENTS as u32)? })
+    let set = at.maybe("set")?.map_or(Ok(String::new()), |set| set.text().map(ToOwned::to_owned))?;
+    Ok(Axis::Numbers { first, count: at.field("count")?.count(MAX_ELEMENTS as u32)?, set })
 }
 
 fn state_order(at: &At<'_>, states: usize) -> Result<Option<Vec<u32>>, ReadError> {

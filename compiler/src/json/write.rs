@@ -116,7 +116,8 @@ fn grid(grid: &Grid) -> Value {
 fn quantity(q: &Quantity) -> Value {
     let axis = |axis: &Axis| match axis {
         Axis::Names(names) => json!({"names": names}),
-        Axis::Numbers { first, count } => json!({"first": first, "count": count}),
+        Axis::Numbers { first, count, set } if set.is_empty() => json!({"first": first, "count": count}),
+        Axis::Numbers { first, count, set } => json!({"first": first, "count": count, "set": set}),
         Axis::Cells { grid, count } => json!({"grid": grid, "count": count}),
     };
     let numbers = |list: &[f64], none: f64| list.iter().map(|&x| if same(x, none) { Value::Null } else { number(x) }).collect::<Vec<_>>();

@@ -46,6 +46,8 @@ pub enum Axis {
         first: i64,
         /// How many there are.
         count: u32,
+        /// Name of the set; empty where the text does not name it.
+        set: String,
     },
     /// Cells of a domain, numbered from 1.
     Cells {

@@ -5,10 +5,12 @@
 //! as a page of HTML that can be pointed at and enlarged. The same runs give the same bytes.
 
 mod axis;
+mod choose;
 mod colour;
 pub mod drawing;
 mod font;
 mod html;
+mod instances;
 pub mod items;
 mod layout;
 mod legend;
@@ -17,6 +19,7 @@ mod panel;
 mod pdf;
 mod plan;
 mod plot;
+mod quantity;
 mod raster;
 mod run;
 mod svg;
@@ -27,7 +30,8 @@ pub use drawing::Drawing;
 pub use font::Weight;
 pub use layout::Heading;
 pub use make::{NominalError, SavedError, nominal, of_tables};
-pub use plan::{Kind, PanelPlan, ShowError, plan, split_names};
+pub use plan::{Kind, PanelPlan, Part, ShowError, plan, split_names};
+pub(crate) use quantity::{duration, short};
 pub use run::{Follower, Followings, Run};
 pub(crate) use run::{Tracing, followed};
 pub(crate) use svg::escaped;

@@ -123,7 +123,7 @@ fn a_field_is_drawn_over_the_coordinate_of_its_domain() {
     let (_, picture) = run_of(&setup, 3, "c,b,obs.c,profile:b");
     let texts = texts_of_svg(&picture.svg());
     assert_eq!(texts.iter().filter(|text| *text == "z [m]").count(), 2, "{texts:?}");
-    assert_eq!(texts.iter().filter(|text| *text == "y [10\u{207b}\u{b3} m]").count(), 2, "{texts:?}");
+    assert_eq!(texts.iter().filter(|text| *text == "y [mm]").count(), 2, "{texts:?}");
     for tick in ["0.5", "1.5", "4"] {
         assert!(texts.iter().any(|text| text == tick), "no tick at {tick}: {texts:?}");
     }
@@ -281,4 +281,79 @@ fn the_page_of_html_needs_nothing_else() {
     let addresses: Vec<&str> = page.split("http").skip(1).map(|rest| rest.split(['"', ' ']).next().unwrap_or_default()).collect();
     assert!(addresses.iter().all(|rest| rest.starts_with("://www.w3.org/2000/svg")), "{addresses:?}");
     assert!(page.contains("<script>") && !page.contains("src="));
+}
+
+fn texts_of_model(text: &str, steps: u32, show: &str) -> Vec<String> {
+    let (_, picture) = run_of(&setup_of_text(text), steps, show);
+    assert_eq!(faults(&picture), Vec::<String>::new());
+    texts_of_svg(&picture.svg())
+}
+
+fn has(texts: &[String], part: &str) -> bool {
+    texts.iter().any(|text| text.contains(part))
+}
+
+const EPISODE: &str = "reward r = 0\nepisode { step = 1 [s], max_steps = 5 }\n";
+
+#[test]
+fn rows_over_a_set_of_numbers_have_the_name_of_the_set() {
+    let model = format!("model M\nset class = 1..9\nstate n[k in class] = k\neq d/dt n[k] = -k*n[k] / 1 [s] for k in class\n{EPISODE}");
+    for show in ["", "n"] {
+        let texts = texts_of_model(&model, 5, show);
+        assert!(texts.iter().any(|text| text == "class") && !has(&texts, "cell"), "{texts:?}");
+    }
+}
+
+#[test]
+fn twenty_instances_share_a_panel_with_one_scale() {
+    let model = format!(
+        "model M\ncomponent Tank {{ param h_0 = 1\nstate h = h_0\neq d/dt h = -h / 1 [s] }}\nuse Tank as tank[k in 1..20](h_0 = k)\n{EPISODE}"
+    );
+    let (_, picture) = run_of(&setup_of_text(&model), 5, "");
+    let names: Vec<&str> = picture.names().collect();
+    assert_eq!(names.iter().filter(|name| name.contains("tank")).collect::<Vec<_>>(), [&"tank[*].h"], "{names:?}");
+    let texts = texts_of_svg(&picture.svg());
+    assert!(texts.iter().any(|text| text == "tank"), "{texts:?}");
+    assert_eq!(faults(&picture), Vec::<String>::new());
+}
+
+#[test]
+fn a_note_counts_what_has_no_panel_and_what_varies_most_has_one() {
+    let state = |name: &str, rate: f64| format!("state {name} = 1\neq d/dt {name} = -{rate} * {name} / 1 [s]\n");
+    let slow: String =
+        (0..40).map(|i| state(&format!("slow_{}", (b'a' + i % 26) as char).repeat(1 + usize::from(i / 26)), 0.001)).collect();
+    let model = format!("model M\n{slow}{}{EPISODE}", state("fast", 1.0));
+    let (_, picture) = run_of(&setup_of_text(&model), 5, "");
+    let shown = picture.names().count();
+    assert!(picture.names().any(|name| name == "fast"), "{:?}", picture.names().collect::<Vec<_>>());
+    let texts = texts_of_svg(&picture.svg());
+    // 41 states, of which those that are shown share the page with the reward.
+    let note = format!("Not shown, name them in --show ({})", 41 - (shown - 1));
+    assert!(has(&texts, &note), "`{note}`: {texts:?}");
+    assert_eq!(faults(&picture), Vec::<String>::new());
+}
+
+#[test]
+fn a_field_with_one_value_is_a_line_of_text_and_no_map() {
+    let model = format!("model M\ndomain z in 0 [m]..1 [m] cells 12\nstate c[z] : J/kg = 1.9e6\neq d/dt c[z] = 0 [W/kg] for z\n{EPISODE}");
+    let texts = texts_of_model(&model, 5, "");
+    assert!(has(&texts, "c = 1.9 MJ/kg"), "{texts:?}");
+    assert!(!texts.iter().any(|text| text == "z [m]"), "{texts:?}");
+}
+
+#[test]
+fn units_of_axes_have_prefixes_and_bounds_have_numbers() {
+    let model = format!("model M\nstate u : J/kg = 2e6 in 0.3e6..7.3e6\neq d/dt u = (7e6 [J/kg] - u) / 1 [s]\n{EPISODE}");
+    let texts = texts_of_model(&model, 5, "u");
+    assert!(texts.iter().any(|text| text == "[MJ/kg]"), "{texts:?}");
+    assert!(texts.iter().any(|text| text == "7.3"), "{texts:?}");
+}
+
+#[test]
+fn heading_and_axis_have_one_unit_of_time() {
+    let setup =
+        setup_of_text("model M\ntime t : s\nstate x = 1\neq d/dt x = -x / 1 [h]\nreward r = 0\nepisode { step = 600 [s], max_steps = 60 }");
+    let picture = smpl_tools::picture::nominal(&setup, &[], u32::MAX).expect("an episode");
+    let texts = texts_of_svg(&picture.svg());
+    assert!(has(&texts, "t = 10 h") && texts.iter().any(|text| text == "time [h]"), "{texts:?}");
 }

@@ -61,7 +61,7 @@ impl<'a> Symbols<'a> {
                 Axis::Set(s) => {
                     let set = &self.sets[s];
                     match set.first {
-                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32 },
+                        Some(first) => model::Axis::Numbers { first, count: set.labels.len() as u32, set: set.name.clone() },
                         None => model::Axis::Names(set.labels.clone()),
                     }
                 }

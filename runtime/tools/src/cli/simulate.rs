@@ -194,8 +194,9 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     }
     let summary = summary(&mut environment, total);
     if let Some(sketch) = sketch {
-        let how = summary.split_once(": ").map_or("", |(_, how)| how).trim_end();
-        sketch.write(recorder.table(), &environment, format!("{}; {how}", arguments.circumstances()))?;
+        let note =
+            format!("{}; {}", arguments.circumstances(), outcome(&mut environment, total, crate::picture::duration, crate::picture::short));
+        sketch.write(recorder.table(), &environment, note)?;
     }
     outputs::conclude(&summary, &written)
 }
@@ -334,12 +335,19 @@ pub(super) fn early_end(environment: &mut Environment) -> Option<String> {
 
 /// One line on how the episode went.
 fn summary(environment: &mut Environment, total: f64) -> String {
+    let name = environment.setup().model().interface().name.clone();
+    let time = |unit: &str, time: f64| format!("{} {unit}", Short(time));
+    format!("{name}: {}\n", outcome(environment, total, time, |x| Short(x).to_string()))
+}
+
+/// Steps, time, sum of rewards and end of an episode, with its time and its numbers as text.
+fn outcome(environment: &mut Environment, total: f64, time: impl Fn(&str, f64) -> String, number: impl Fn(f64) -> String) -> String {
     let setup = Arc::clone(environment.setup());
     let interface = setup.model().interface();
-    let reward = interface.finish.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, Short(total)));
+    let reward = interface.finish.rewards.get(setup.reward).map_or(String::new(), |r| format!("sum of {} = {}, ", r.name, number(total)));
     let truncated = environment.last().is_some_and(|r| r.truncated);
     let end = early_end(environment).unwrap_or_else(|| if truncated { "time limit".into() } else { "not ended".into() });
-    format!("{}: {} steps, t = {} {}, {reward}{end}\n", interface.name, environment.steps(), Short(environment.time()), interface.time.unit,)
+    format!("{} steps, t = {}, {reward}{end}", environment.steps(), time(&interface.time.unit, environment.time()))
 }
 
 /// A bar on standard error, where it is a terminal and the run is long.

@@ -81,7 +81,7 @@ fn indexed(quantity: &Quantity) -> String {
             Axis::Names(names) if names.len() <= 4 => names.join("/"),
             Axis::Names(names) => format!("{} .. {}", names[0], names[names.len() - 1]),
             Axis::Cells { count, .. } => format!("1..{count}"),
-            Axis::Numbers { first, count } => format!("{first}..{}", first + i64::from(*count) - 1),
+            Axis::Numbers { first, count, .. } => format!("{first}..{}", first + i64::from(*count) - 1),
         })
         .collect();
     code(&format!("{}[{}]", quantity.name, axes.join(", ")))

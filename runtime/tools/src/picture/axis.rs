@@ -1,4 +1,6 @@
-//! Axes: round ticks, labels with as many digits as they need, and units as people write them.
+//! Axes: round ticks, and labels with as many digits as they need.
+
+use super::quantity::{power_of_thousand, short};
 
 /// An axis from `low` to `high` with its ticks.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,11 +17,19 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis with about `most` ticks at most.
+    /// An axis with about `most` ticks, and never fewer than two: one tick gives no scale.
     pub(super) fn new(low: f64, high: f64, most: usize) -> Self {
-        let step = round_step((high - low) / most.max(1) as f64);
-        let first = (low / step - 1e-9).ceil();
-        let count = ((high / step + 1e-9).floor() - first).clamp(0.0, 50.0) as usize;
+        let steps = (most.max(1)..most.max(1) + 8).map(|n| round_step((high - low) / n as f64));
+        let places = |step: f64| ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+        let (mut step, mut first, mut last) = (1.0, 0.0, 0.0);
+        for finer in steps {
+            step = finer;
+            (first, last) = places(step);
+            if last > first {
+                break;
+            }
+        }
+        let count = (last - first).clamp(0.0, 50.0) as usize;
         // A tick at zero is zero, not a rounding error.
         let ticks = (0..=count).map(|i| (first + i as f64) * step).map(|t| if t == 0.0 { 0.0 } else { t }).collect();
         let exponent = exponent(low.abs().max(high.abs()));
@@ -39,6 +49,13 @@ impl Axis {
         // The minus sign proper is as wide as a plus.
         if zero { text.trim_start_matches('-').to_owned() } else { text.replace('-', "\u{2212}") }
     }
+
+    /// Label of a value that no tick marks, as a bound; `None` where a tick has its place.
+    pub(super) fn label_between(&self, value: f64) -> Option<String> {
+        let near = 1e-9 * (self.high - self.low);
+        let is_marked = self.ticks.iter().any(|tick| (tick - value).abs() <= near);
+        (!is_marked).then(|| short(value / 10_f64.powi(self.exponent)))
+    }
 }
 
 /// The smallest of 1, 2, 5 times a power of ten that is not below `least`.
@@ -52,11 +69,7 @@ fn round_step(least: f64) -> f64 {
 
 /// Powers of a thousand where numbers would have many digits.
 fn exponent(largest: f64) -> i32 {
-    if largest > 0.0 && largest.is_finite() && !(0.01..1e4).contains(&largest) {
-        3 * (largest.log10() / 3.0 + 1e-9).floor() as i32
-    } else {
-        0
-    }
+    if largest > 0.0 && largest.is_finite() && !(0.01..1e4).contains(&largest) { power_of_thousand(largest) } else { 0 }
 }
 
 /// The range for values: a little wider than they are, and never so narrow that labels need more than five digits. `None` where there is no value.
@@ -70,70 +83,6 @@ pub(super) fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let least = if size > 0.0 { size * if changes { 2e-3 } else { 0.1 } } else { 1.0 };
     let (middle, half) = (0.5 * low + 0.5 * high, (0.5 * high - 0.5 * low).max(0.5 * least));
     Some((middle - 1.06 * half, middle + 1.06 * half))
-}
-
-/// A unit as people write it: `m³`, `°C`; nothing for a number.
-pub(super) fn unit(unit: &str) -> String {
-    if unit == "1" {
-        return String::new();
-    }
-    let mut out = String::new();
-    let mut rest = unit;
-    while let Some(at) = rest.find('^') {
-        out.push_str(&rest[..at]);
-        let exponent = &rest[at + 1..];
-        let end = exponent.find(|c: char| !(c.is_ascii_digit() || c == '-' || c == '.')).unwrap_or(exponent.len());
-        let (digits, after) = exponent.split_at(end);
-        if digits.is_empty() || digits.contains('.') {
-            out.push('^');
-            out.push_str(digits);
-        } else {
-            out.extend(digits.chars().map(superscript));
-        }
-        rest = after;
-    }
-    out.push_str(rest);
-    out.replace("degC", "\u{b0}C").replace("degF", "\u{b0}F")
-}
-
-fn superscript(digit: char) -> char {
-    match digit {
-        '-' => '\u{207b}',
-        '1' => '\u{b9}',
-        '2' => '\u{b2}',
-        '3' => '\u{b3}',
-        d => d.to_digit(10).and_then(|d| char::from_u32(0x2070 + d)).unwrap_or(d),
-    }
-}
-
-/// Unit of an axis whose labels are in powers of ten: `[10³ L]`, with its brackets; nothing for plain numbers.
-pub(super) fn bracketed(unit_text: &str, exponent: i32) -> String {
-    let power = format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>());
-    match (unit_text.is_empty(), exponent) {
-        (true, 0) => String::new(),
-        (true, _) => format!("[{power}]"),
-        (false, 0) => format!("[{unit_text}]"),
-        (false, _) => format!("[{power} {unit_text}]"),
-    }
-}
-
-/// A number for people: four significant digits.
-pub(super) fn short(value: f64) -> String {
-    smpl_runtime::failure::Short(value).to_string().replace('-', "\u{2212}")
-}
-
-/// Units of time from short to long, in seconds.
-const TIMES: [(&str, f64); 4] = [("s", 1.0), ("min", 60.0), ("h", 3600.0), ("d", 86_400.0)];
-
-/// The unit in which a length of time is a number between about 1 and 500, and the factor to it; the given one where it is none of the usual.
-pub(super) fn readable_time(given: &str, length: f64) -> (String, f64) {
-    let Some(&(_, size)) = TIMES.iter().find(|(name, _)| *name == given) else { return (given.to_owned(), 1.0) };
-    let fits = |&&(_, unit): &&(&str, f64)| (1.0..500.0).contains(&(length * size / unit));
-    let keeps = (0.5..500.0).contains(&length);
-    match TIMES.iter().find(fits) {
-        Some(&(name, unit)) if !keeps => (name.to_owned(), size / unit),
-        _ => (given.to_owned(), 1.0),
-    }
 }
 
 #[cfg(test)]
@@ -173,22 +122,15 @@ mod tests {
     }
 
     #[test]
-    fn units_are_written_as_people_do() {
-        assert_eq!(unit("kmol/(m^3 min)"), "kmol/(m\u{b3} min)");
-        assert_eq!(unit("kJ/(min m^2 degC)"), "kJ/(min m\u{b2} \u{b0}C)");
-        assert_eq!(unit("m^2.5/min"), "m^2.5/min");
-        assert_eq!(unit("m^-1"), "m\u{207b}\u{b9}");
-        assert_eq!(unit("1"), "");
-        assert_eq!(bracketed("L", -6), "[10\u{207b}\u{2076} L]");
-        assert_eq!(bracketed("", 0), "");
-    }
-
-    #[test]
-    fn long_times_are_told_in_longer_units() {
-        assert_eq!(readable_time("min", 12_000.0), ("h".into(), 1.0 / 60.0));
-        assert_eq!(readable_time("min", 10.0), ("min".into(), 1.0));
-        assert_eq!(readable_time("h", 230.0), ("h".into(), 1.0));
-        assert_eq!(readable_time("s", 86_400.0), ("h".into(), 1.0 / 3600.0));
-        assert_eq!(readable_time("step", 1e9), ("step".into(), 1.0));
+    fn every_axis_has_at_least_two_ticks() {
+        for low in [-3.7, 0.0, 0.26, 0.93, 1.06, 12.4, 997.0] {
+            for width in [0.011, 0.07, 0.19, 0.5, 0.96, 1.9, 3.3, 7.7, 88.0] {
+                for most in 1..9 {
+                    let axis = Axis::new(low, low + width, most);
+                    assert!(axis.ticks.len() >= 2, "{low} to {}, {most}: {:?}", low + width, axis.ticks);
+                    assert!(axis.ticks.iter().all(|t| *t >= low - 1e-9 * width && *t <= low + width * (1.0 + 1e-9)));
+                }
+            }
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::drawing::Colour;
 
 /// The qualitative colours of M. Okabe and K. Ito, Color Universal Design (2008), without yellow, which is lost on white; darkest contrasts first.
-pub(super) const CURVES: [Colour; 8] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, Colour(0, 0, 0), Colour(120, 120, 120)];
+pub(super) const CURVES: [Colour; 8] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK, Colour(120, 120, 120)];
 /// Blue of that palette; so the following.
 pub(super) const BLUE: Colour = Colour(0, 114, 178);
 /// Vermilion.

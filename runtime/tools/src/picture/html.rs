@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::Picture;
 use super::layout::Placed;
 use super::panel::{Body, Panel, Series};
+use super::quantity::scaled;
 use super::svg::{escaped, hex};
 
 const SCRIPT: &str = include_str!("picture.js");
@@ -55,7 +56,8 @@ fn of_panel(panel: &Panel, place: &Placed) -> Value {
     };
     json!({
         "name": panel.name,
-        "unit": panel.unit,
+        "unit": scaled(&panel.unit, place.y.exponent),
+        "factor": 10_f64.powi(place.y.exponent),
         "text": panel.text,
         "overSpace": panel.over_space,
         "coordinate": panel.coordinate,

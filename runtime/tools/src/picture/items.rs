@@ -69,6 +69,8 @@ pub struct Member {
 /// An index of a quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Index {
+    /// Name of the set; `cell` for cells, `index` where the set is not known.
+    pub name: String,
     /// Its members.
     pub labels: Vec<String>,
     /// They are numbers one after another, as those of cells are.
@@ -87,6 +89,9 @@ pub struct Space {
     /// Increasing faces, one more than there are cells.
     pub faces: Vec<f64>,
 }
+
+/// Name of the members of an index whose set is not known.
+pub(super) const UNNAMED: &str = "index";
 
 /// Least members of an index of numbers that is taken for the cells of a domain.
 const LEAST_CELLS: usize = 8;
@@ -169,6 +174,11 @@ pub fn knows_space(setup: &Setup, parameters: &[f64]) -> bool {
 
 fn blank(quantity: &Quantity, role: Role, spaces: &[Option<Arc<Space>>]) -> Item {
     let index = |axis: &Axis| Index {
+        name: match axis {
+            Axis::Cells { .. } => "cell".to_owned(),
+            Axis::Numbers { set, .. } if !set.is_empty() => set.clone(),
+            _ => UNNAMED.to_owned(),
+        },
         labels: (0..axis.len()).map(|i| axis.label(i)).collect(),
         numbers: !matches!(axis, Axis::Names(_)),
         space: match axis {
@@ -302,14 +312,14 @@ fn indices(members: &[Member]) -> Vec<Index> {
         let labels: Vec<String> = labels.map(|label| (*label).to_owned()).collect();
         let values: Option<Vec<i64>> = labels.iter().map(|l| l.parse().ok()).collect();
         let numbers = values.is_some_and(|v| v.windows(2).all(|pair| pair[1] == pair[0] + 1));
-        Index { labels, numbers, space: None }
+        Index { name: UNNAMED.to_owned(), labels, numbers, space: None }
     };
     let axes: Vec<Index> = (0..depth).map(distinct).collect();
     let is_product = axes.iter().map(|a| a.labels.len()).product::<usize>() == members.len();
     if is_product && parts.iter().all(|p| p.len() == depth) {
         return axes;
     }
-    vec![Index { labels: members.iter().map(|m| m.label.clone()).collect(), numbers: false, space: None }]
+    vec![Index { name: UNNAMED.to_owned(), labels: members.iter().map(|m| m.label.clone()).collect(), numbers: false, space: None }]
 }
 
 /// `col[1].c` of `col[1].c[tropine,3]`.
@@ -336,7 +346,7 @@ mod tests {
         let items = of_columns(&columns, |_| false);
         assert_eq!(items.len(), 1);
         assert_eq!(items[0].name, "R1.c");
-        assert_eq!(items[0].indices[0], Index { labels: names(&["a", "b"]), numbers: false, space: None });
+        assert_eq!(items[0].indices[0], Index { name: "index".into(), labels: names(&["a", "b"]), numbers: false, space: None });
         assert!(items[0].indices[1].is_space() && items[0].members.len() == 18);
     }
 

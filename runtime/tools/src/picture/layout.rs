@@ -1,11 +1,12 @@
 //! Panels on a page: a grid that fits a sheet, with a heading, a legend, and room for every label.
 
-use super::axis::{Axis, bracketed};
+use super::axis::Axis;
 use super::colour;
 use super::drawing::{Anchor, Colour, Drawing, Frame, Mark, Text};
 use super::font::{self, Weight};
 use super::legend::Legend;
 use super::panel::{Body, Panel, Panels};
+use super::quantity::bracketed;
 use super::run::Run;
 
 /// Width of a page: that of a sheet of A4 across, at 96 pixels an inch.
@@ -89,7 +90,8 @@ pub(super) fn page(panels: &Panels, runs: &[Run], heading: &Heading) -> Page {
     let legend = Legend::new(panels, runs, &occurring, room);
     let top = MARGIN + 20.0 + if heading.note.is_empty() { 0.0 } else { 15.0 } + legend.height() + 6.0;
     let grid = Grid::new(panels, width, top, !occurring.is_empty());
-    let footer = wrapped(&panels.constants, room);
+    let mut footer = wrapped("Constant", &panels.constants, room);
+    footer.extend(wrapped("Not shown, name them in --show", &panels.left_out, room));
     let height = grid.bottom() + FOOT * footer.len() as f64 + MARGIN;
     let mut drawing = Drawing::new(width, height, heading.title.clone());
     write_heading(&mut drawing, heading, room);
@@ -106,17 +108,26 @@ pub(super) fn page(panels: &Panels, runs: &[Run], heading: &Heading) -> Page {
     Page { drawing, placed }
 }
 
-/// What does not change, in lines no wider than `room`.
-fn wrapped(constants: &[String], room: f64) -> Vec<String> {
+/// Most entries of a note below the panels.
+const MOST_NOTED: usize = 30;
+
+/// A note below the panels, in lines no wider than `room`: how many entries there are, and the first of them.
+fn wrapped(heading: &str, entries: &[String], room: f64) -> Vec<String> {
+    let mut words: Vec<String> = entries.iter().take(MOST_NOTED).map(|entry| format!("{entry};")).collect();
+    if entries.len() > MOST_NOTED {
+        words.push(format!("and {} more", entries.len() - MOST_NOTED));
+    } else if let Some(last) = words.last_mut() {
+        last.pop();
+    }
     let mut lines: Vec<String> = Vec::new();
-    for (i, constant) in constants.iter().enumerate() {
-        let end = if i + 1 < constants.len() { ";" } else { "" };
+    for word in words {
         match lines.last_mut() {
-            Some(line) if font::width(&format!("{line} {constant}{end}"), LABEL + 0.5, Weight::Regular) <= room => {
-                line.push_str(&format!(" {constant}{end}"));
+            Some(line) if font::width(&format!("{line} {word}"), LABEL + 0.5, Weight::Regular) <= room => {
+                line.push_str(&format!(" {word}"))
             }
-            Some(_) => lines.push(format!("{constant}{end}")),
-            None => lines.push(format!("Constant: {constant}{end}")),
+            Some(_) => lines.push(word),
+            None if entries.len() > 1 => lines.push(format!("{heading} ({}): {word}", entries.len())),
+            None => lines.push(format!("{heading}: {word}")),
         }
     }
     lines

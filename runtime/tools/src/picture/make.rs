@@ -122,6 +122,7 @@ pub fn nominal(setup: &Arc<Setup>, show: &[String], most_steps: u32) -> Result<P
     if let Some(follower) = follower {
         run.refine(follower.finish());
     }
-    let heading = heading(setup, format!("policy nominal, {} steps", environment.steps()));
+    let time = super::duration(&setup.model().interface().time.unit, environment.time());
+    let heading = heading(setup, format!("policy nominal; {} steps, t = {time}", environment.steps()));
     Ok(Picture::new(&plans, &[run], &heading, &setup.model().interface().time.unit))
 }

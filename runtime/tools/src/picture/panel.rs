@@ -1,10 +1,12 @@
 //! Panels with their numbers: curves, maps and what stands beside them, before they have a place on a page.
 
-use super::axis::{Axis, bracketed, readable_time, short, span, unit};
+use super::axis::{Axis, span};
+use super::choose;
 use super::colour;
 use super::drawing::Colour;
 use super::items::{Member, Role, Space};
 use super::plan::{Kind, Line, MOST_LINES, PanelPlan};
+use super::quantity::{bracketed, quantity, readable_time, short, unit};
 use super::run::Run;
 
 /// A panel.
@@ -93,13 +95,15 @@ pub(super) struct Panels {
     pub factor: f64,
     /// What does not change and has no panel, in words.
     pub constants: Vec<String>,
+    /// Names of what has no panel for want of room.
+    pub left_out: Vec<String>,
 }
 
 /// Fields of more runs than these are not shown side by side.
 const MOST_MAPS: usize = 4;
 
 /// More panels than this have no room for what does not change.
-const ROOMY: usize = 12;
+pub(super) const ROOMY: usize = 12;
 
 /// Dashes by the number of the run, where colours tell something else.
 const DASHES: [&[f64]; 4] = [&[], &[6.0, 2.5], &[2.0, 2.0], &[7.0, 2.0, 2.0, 2.0]];
@@ -118,16 +122,21 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
     let (low, high) = if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) };
     let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
     let (time_unit, factor) = readable_time(given_unit, high - low);
-    let mut filled: Vec<(bool, Panel)> = Vec::new();
+    let mut filled: Vec<(&PanelPlan, Panel)> = Vec::new();
     for plan in plans.iter().filter(|plan| !(plan.dispensable && counts_time(plan, runs))) {
-        let leaves = plan.dispensable && (plan.role != Role::Reward);
-        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (leaves && is_flat(&panel), panel)));
+        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (plan, panel)));
     }
     let crowded = filled.len() > ROOMY;
-    let (flat, kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(|(flat, _)| *flat && crowded);
+    let leaves = |(plan, panel): &(&PanelPlan, Panel)| {
+        let is_field = matches!(plan.kind, Kind::Map(_));
+        plan.dispensable && plan.role != Role::Reward && (crowded || is_field) && is_flat(panel)
+    };
+    let (flat, mut kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(leaves);
     let constants = flat.iter().filter_map(|(_, panel)| constant(panel)).collect();
+    let left_out = choose::fit_page(&mut kept, runs.len().min(MOST_MAPS));
+    choose::share_scales(&mut kept);
     let panels = kept.into_iter().map(|(_, panel)| panel).collect();
-    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants }
+    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants, left_out }
 }
 
 /// Whether a quantity is the time or the number of the step, which the abscissa tells.
@@ -146,10 +155,13 @@ fn is_flat(panel: &Panel) -> bool {
     matches!(&panel.body, Body::Curves(curves) if !panel.over_space && curves.series.iter().all(|s| is_constant(&s.y)))
 }
 
-/// `h = 0.6590 m`; of several values the first is said of all where they are equal, else nothing.
+/// `h = 0.659 m`; of several values the first four.
 fn constant(panel: &Panel) -> Option<String> {
     let Body::Curves(curves) = &panel.body else { return None };
     let values: Vec<f64> = curves.series.iter().filter(|s| !s.dots).filter_map(|s| s.y.iter().copied().find(|y| y.is_finite())).collect();
+    if let [value] = values[..] {
+        return Some(format!("{} = {}", panel.name, quantity(value, &panel.unit)));
+    }
     let shown: Vec<String> = values.iter().take(4).map(|v| short(*v)).collect();
     let more = if values.len() > 4 { ", ..." } else { "" };
     Some(format!("{} = {}{more} {}", panel.name, shown.join(", "), panel.unit).trim_end().to_owned())
@@ -161,10 +173,13 @@ fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Ve
     let bodies = match &plan.kind {
         Kind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
         Kind::Profile(groups) => vec![(String::new(), profile(groups, space, runs))],
-        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, space, run)))).collect(),
+        Kind::Map(cells) if runs.iter().all(|run| is_uniform(cells, run)) => {
+            vec![(String::new(), curves(&uniform(plan, cells), runs, factor, plan.role))]
+        }
+        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, space, &plan.index, run)))).collect(),
         Kind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, space, run, factor, time_unit))).collect(),
     };
-    let coordinate = space.map_or_else(|| ("cell".to_owned(), String::new()), |space| (space.name.clone(), unit(&space.unit)));
+    let coordinate = space.map_or_else(|| (plan.index.clone(), String::new()), |space| (space.name.clone(), unit(&space.unit)));
     let over_space = matches!(plan.kind, Kind::Profile(_) | Kind::Course(_));
     let panel = |(label, body): (String, Body)| {
         let text = if runs.len() > 1 && !label.is_empty() { label } else { text(plan, &body) };
@@ -182,7 +197,11 @@ fn text(plan: &PanelPlan, body: &Body) -> String {
     let shown = if let Body::Curves(curves) = body { curves.series.len() } else { 0 };
     let part = (all > MOST_LINES && shown > 0).then(|| format!("the {MOST_LINES} that vary most, of {all}"));
     let end = matches!(plan.kind, Kind::Profile(_)).then(|| "at the end".to_owned());
-    let texts = [Some(plan.text.clone()).filter(|t| !t.is_empty()), end, part];
+    let same = match (&plan.kind, body) {
+        (Kind::Map(cells), Body::Curves(_)) => Some(format!("the same in all {}", cells.len())),
+        _ => None,
+    };
+    let texts = [Some(plan.text.clone()).filter(|t| !t.is_empty()), end, part, same];
     texts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
@@ -190,6 +209,19 @@ fn is_constant(values: &[f64]) -> bool {
     let mut finite = values.iter().filter(|v| v.is_finite());
     let Some(first) = finite.next() else { return true };
     finite.all(|v| (v - first).abs() <= 1e-9 * first.abs().max(v.abs()))
+}
+
+/// Whether a field has one value everywhere and always; a map of it would magnify rounding errors.
+fn is_uniform(cells: &[Member], run: &Run) -> bool {
+    let values = || cells.iter().filter_map(|cell| run.column(&cell.column)).flatten().copied();
+    let (low, high) = extremes(values());
+    low > high || high - low <= 1e-9 * low.abs().max(high.abs())
+}
+
+/// The one curve of a field that has one value.
+fn uniform(plan: &PanelPlan, cells: &[Member]) -> Vec<Line> {
+    let line = |member: &Member| Line { label: String::new(), role: plan.role, member: member.clone(), dots: false };
+    cells.first().map(line).into_iter().collect()
 }
 
 /// Largest less smallest value.
@@ -353,7 +385,7 @@ fn short_time(t: f64) -> String {
 /// Most cells of a picture in each direction; more are not seen.
 const MOST_CELLS: usize = 400;
 
-fn map(cells: &[Member], space: Option<&Space>, run: &Run) -> Map {
+fn map(cells: &[Member], space: Option<&Space>, index: &str, run: &Run) -> Map {
     let fine: Option<Vec<(&[f64], &[f64])>> = cells.iter().map(|member| run.within_steps(&member.column)).collect();
     let rows_of_table = run.time();
     let time: &[f64] = fine.as_ref().and_then(|fine| fine.first()).map_or(&rows_of_table, |(times, _)| times);
@@ -376,13 +408,19 @@ fn map(cells: &[Member], space: Option<&Space>, run: &Run) -> Map {
     };
     let values: Vec<f64> = shown.iter().flat_map(values_of).collect();
     let (low, high) = extremes(values.iter().copied());
-    let range = if low > high { (0.0, 1.0) } else { (low, if high > low { high } else { low + 1e-3 * low.abs().max(1e-9) }) };
+    let range = if low > high { (0.0, 1.0) } else { wide_enough(low, high) };
     let centres = places(cells, space);
     let label = |cell: &usize| match space {
         Some(space) => format!("{} = {} {}", space.name, short(centres[*cell]), unit(&space.unit)).trim_end().to_owned(),
-        None => format!("cell {}", cells[*cell].label.rsplit(',').next().unwrap_or_default()),
+        None => format!("{index} {}", cells[*cell].label.rsplit(',').next().unwrap_or_default()),
     };
     Map { labels: shown.iter().map(label).collect(), ends, columns, values, range }
+}
+
+/// Range of the colours of a map: at least a hundredth of the values, so that small changes look small.
+fn wide_enough(low: f64, high: f64) -> (f64, f64) {
+    let least = 1e-2 * low.abs().max(high.abs()).max(1e-300);
+    if high - low >= least { (low, high) } else { (0.5 * (low + high) - 0.5 * least, 0.5 * (low + high) + 0.5 * least) }
 }
 
 /// The cell that each row of a map shows, from the lowest place on, and the ends of the map. Rows are equally high, cells need not be.

@@ -92,7 +92,7 @@ function show(panel, place, event) {
     name.textContent = (label || panel.name) + " ";
     name.style.color = colour;
     line.appendChild(name);
-    line.appendChild(document.createTextNode(number(value) + " " + panel.unit));
+    line.appendChild(document.createTextNode(number(value === null ? value : value / panel.factor) + " " + panel.unit));
     reading.appendChild(line);
   }
   reading.hidden = false;

@@ -2,17 +2,15 @@
 
 use std::sync::Arc;
 
-use super::items::{Item, Member, Role, Space, base, index_of};
+use super::instances::{family, gathered};
+use super::items::{Item, Member, Role, Space, UNNAMED, base, index_of};
 use smpl_runtime::catalogue::UnknownName;
 use smpl_runtime::environment::Followed;
 
 /// Most lines of a panel.
 pub(super) const MOST_LINES: usize = 8;
-/// Most panels that are chosen where nobody asks for any; they fit a page.
-const MOST_PANELS: usize = 24;
-const MOST_FIELDS: usize = 4;
-const MOST_ACTIONS: usize = 6;
-const MOST_OTHERS: usize = 4;
+/// Most quantities of a part of the page from which those that vary most are chosen.
+const MOST_CANDIDATES: usize = 200;
 
 /// Most panels of a page, whoever asks for them.
 const MOST_OF_PAGE: usize = 200;
@@ -48,6 +46,29 @@ pub struct PanelPlan {
     pub space: Option<Arc<Space>>,
     /// Left out where there is no room and nothing changes.
     pub dispensable: bool,
+    /// What the coordinate is where `space` is not known: `cell`, or the name of a set.
+    pub index: String,
+    /// Name of the quantity in any instance of its component: `col[*].c`.
+    pub family: String,
+    /// Which part of a page it belongs to.
+    pub part: Part,
+    /// Which panels of a part stay first where there are more than fit: those of rank 0.
+    pub rank: u8,
+}
+
+/// Parts of a page, each with room of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// What is observed, states, outputs.
+    Curves,
+    /// Fields over space.
+    Fields,
+    /// Actions.
+    Actions,
+    /// What is discrete, disturbances.
+    Others,
+    /// The reward.
+    Reward,
 }
 
 /// How numbers are shown.
@@ -207,7 +228,9 @@ fn part_of(item: &Item, name: &str, members: Vec<Member>) -> Item {
 fn panel(item: &Item, kind: Kind) -> PanelPlan {
     let (unit, text) = (item.unit.clone(), item.text.clone());
     let space = item.indices.last().and_then(|index| index.space.clone());
-    PanelPlan { name: item.name.clone(), unit, text, role: item.role, kind, space, dispensable: false }
+    let index = item.indices.last().map_or(UNNAMED, |index| index.name.as_str()).to_owned();
+    let (name, family, role) = (item.name.clone(), family(&item.name), item.role);
+    PanelPlan { name, unit, text, role, kind, space, dispensable: false, index, family, part: Part::Curves, rank: 0 }
 }
 
 /// Panels for all numbers of a quantity.
@@ -276,6 +299,10 @@ fn together(name: &str, items: &[Item]) -> PanelPlan {
         kind: Kind::Lines(items.iter().flat_map(of_item).collect()),
         space: None,
         dispensable: false,
+        index: UNNAMED.to_owned(),
+        family: name.to_owned(),
+        part: Part::Curves,
+        rank: 0,
     }
 }
 
@@ -284,26 +311,47 @@ fn is_shadow(items: &[Item], observation: &Item) -> bool {
     items.iter().any(|i| i.role != Role::Observation && i.role != Role::Reward && i.name == observation.name)
 }
 
-/// What is shown where nobody says: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward.
+/// Panels where nobody asks for any: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward. Those that do not
+/// fit a page leave it once there are numbers (see `choose`).
 fn usual(items: &[Item]) -> Vec<PanelPlan> {
+    let items = &gathered(items);
     let schedule = |name: &str| matches!(name, "phase" | "phase_start" | "phase_time") && items.iter().any(|i| i.name == "phase");
     let of = |role: Role, observed: bool| {
         let fits = move |i: &&Item| i.role == role && i.observed == observed && !schedule(&i.name);
-        items.iter().filter(fits).filter_map(move |item| summary(items, item))
+        items.iter().filter(fits).filter_map(move |item| {
+            let rank = rank(item);
+            summary(items, item).map(|panel| PanelPlan { rank, dispensable: true, ..panel })
+        })
     };
     let seen = [Role::State, Role::Output].into_iter().flat_map(|role| of(role, true));
-    let own = items.iter().filter(|i| i.role == Role::Observation && !is_shadow(items, i)).filter_map(|item| summary(items, item));
+    let own = of(Role::Observation, true)
+        .filter(|panel| !items.iter().any(|i| i.role == Role::Observation && i.name == panel.name && is_shadow(items, i)));
     let first = seen.chain(own).chain(of(Role::State, false)).chain(of(Role::Other, false)).chain(of(Role::Output, false));
-    let (curves, mut fields): (Vec<PanelPlan>, Vec<PanelPlan>) = first.partition(|panel| matches!(panel.kind, Kind::Lines(_)));
-    fields.truncate(MOST_FIELDS);
-    let actions: Vec<PanelPlan> = of(Role::Action, false).chain(of(Role::Action, true)).take(MOST_ACTIONS).collect();
+    let (curves, fields): (Vec<PanelPlan>, Vec<PanelPlan>) = first.partition(|panel| matches!(panel.kind, Kind::Lines(_)));
+    let actions = of(Role::Action, false).chain(of(Role::Action, true));
     let discretes = of(Role::Discrete, true).chain(of(Role::Discrete, false));
-    let others = discretes.chain(of(Role::Disturbance, true)).chain(of(Role::Disturbance, false)).take(MOST_OTHERS);
+    let others = discretes.chain(of(Role::Disturbance, true)).chain(of(Role::Disturbance, false));
     let reward = items.iter().filter(|i| i.role == Role::Reward).take(1).flat_map(expanded);
-    let last: Vec<PanelPlan> = fields.into_iter().chain(actions).chain(others).chain(reward).collect();
-    let room = MOST_PANELS.saturating_sub(last.len());
-    let all = curves.into_iter().take(room).chain(last);
-    all.map(|panel| PanelPlan { dispensable: true, ..panel }).collect()
+    let part = |part: Part| move |panel: PanelPlan| PanelPlan { part, dispensable: true, ..panel };
+    let curves = curves.into_iter().take(MOST_CANDIDATES).map(part(Part::Curves));
+    let fields = fields.into_iter().take(MOST_CANDIDATES).map(part(Part::Fields));
+    let actions = actions.take(MOST_CANDIDATES).map(part(Part::Actions));
+    let others = others.take(MOST_CANDIDATES).map(part(Part::Others));
+    curves.chain(fields).chain(actions).chain(others).chain(reward.map(part(Part::Reward))).collect()
+}
+
+/// Rank of what is neither observed nor bounded nor a state.
+pub(super) const OUTPUT: u8 = 3;
+
+/// Observed quantities come first, then those that have a bound or a set-point, then states.
+fn rank(item: &Item) -> u8 {
+    let is_guided = item.members.iter().any(|m| m.target.is_some() || m.high.is_finite());
+    match item.role {
+        _ if item.observed => 0,
+        _ if is_guided => 1,
+        Role::State => 2,
+        _ => OUTPUT,
+    }
 }
 
 /// One panel for a quantity, with the readings of it.

@@ -45,6 +45,37 @@ impl Pen<'_> {
         self.drawing.marks.push(Mark::Close);
         self.drawing.outline(plot, Stroke::full(colour::AXIS, 0.8));
         self.ordinate();
+        self.guide_labels(curves);
+    }
+
+    /// Numbers of bounds and set-points that no tick marks, each where it covers the fewest points of curves.
+    fn guide_labels(&mut self, curves: &Curves) {
+        const SIZE: f64 = LABEL - 0.5;
+        let (place, plot) = (self.place, self.place.plot);
+        let points = || curves.series.iter().flat_map(|s| s.x.iter().zip(&s.y)).map(|(x, y)| (place.across(*x), place.up(*y)));
+        let mut taken: Vec<Frame> = Vec::new();
+        for value in curves.bounds.iter().chain(&curves.targets) {
+            let Some(letters) = place.y.label_between(*value) else { continue };
+            let level = place.up(*value);
+            let text = |(anchor, below): (Anchor, bool)| {
+                let x = if anchor == Anchor::End { plot.right() - 4.0 } else { plot.x + 4.0 };
+                let y = if below { level + SIZE + 0.5 } else { level - 3.0 };
+                Text { x, y, size: SIZE, anchor, colour: colour::INK, weight: Weight::Regular, letters: letters.clone() }
+            };
+            let places = [(Anchor::End, false), (Anchor::End, true), (Anchor::Start, false), (Anchor::Start, true)];
+            let covered = |frame: &Frame| {
+                points().filter(|(x, y)| *x >= frame.x && *x <= frame.right() && *y >= frame.y && *y <= frame.bottom()).count()
+            };
+            let fits = |text: &Text| {
+                let frame = text.frame();
+                frame.y >= plot.y && frame.bottom() <= plot.bottom() && !taken.iter().any(|other| other.overlaps(&frame))
+            };
+            let best = places.into_iter().map(text).filter(fits).min_by_key(|text| covered(&text.frame()));
+            if let Some(text) = best {
+                taken.push(text.frame());
+                self.drawing.marks.push(Mark::Text(text));
+            }
+        }
     }
 
     /// Phases as bands, with their names above where there is room.

@@ -1,0 +1,78 @@
+//! Which of the panels that nobody asked for a page shows, once their numbers are known.
+
+use super::panel::{Body, Panel, ROOMY};
+use super::plan::{OUTPUT, PanelPlan, Part};
+
+/// Most panels of a page that are chosen where nobody asks for any.
+const MOST_PANELS: usize = 24;
+/// Most outputs among them that are neither observed nor bounded, on a page of more panels than are roomy.
+const MOST_OUTPUTS: usize = 4;
+const MOST_FIELDS: usize = 4;
+const MOST_ACTIONS: usize = 6;
+const MOST_OTHERS: usize = 4;
+
+/// Keeps those panels that fit a page, in their order, and returns the names of the others.
+///
+/// Of each part of the page those stay that come first by rank (observed, with bounds or set-point, states, the rest), and within a rank those
+/// that vary most, relative to their size. `maps` is the number of panels that a field has.
+pub(super) fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
+    let count = |part: Part, most: usize| {
+        let of_part = panels.iter().filter(|(plan, _)| plan.dispensable && plan.part == part).count();
+        of_part.min(most)
+    };
+    let fields = count(Part::Fields, MOST_FIELDS * maps.max(1));
+    let (actions, others) = (count(Part::Actions, MOST_ACTIONS), count(Part::Others, MOST_OTHERS));
+    let curves = MOST_PANELS.saturating_sub(fields + actions + others + count(Part::Reward, usize::MAX));
+    let crowded = panels.len() > ROOMY;
+    let mut leaves = vec![false; panels.len()];
+    for (part, most) in [(Part::Curves, curves), (Part::Fields, fields), (Part::Actions, actions), (Part::Others, others)] {
+        let mut order: Vec<usize> = (0..panels.len()).filter(|i| panels[*i].0.dispensable && panels[*i].0.part == part).collect();
+        let worth = |i: &usize| (panels[*i].0.rank, -relative_variation(&panels[*i].1));
+        order.sort_by(|a, b| {
+            let (a, b) = (worth(a), worth(b));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let outputs = order.iter().copied().filter(|i| crowded && panels[*i].0.rank == OUTPUT).skip(MOST_OUTPUTS);
+        order.iter().copied().skip(most).chain(outputs).for_each(|i| leaves[i] = true);
+    }
+    let mut names: Vec<String> = Vec::new();
+    for ((_, panel), _) in panels.iter().zip(&leaves).filter(|(_, leaves)| **leaves) {
+        if names.last() != Some(&panel.name) {
+            names.push(panel.name.clone());
+        }
+    }
+    let mut leaves = leaves.into_iter();
+    panels.retain(|_| !leaves.next().unwrap_or_default());
+    names
+}
+
+/// Range of the values over their size, from 0 to 2.
+fn relative_variation(panel: &Panel) -> f64 {
+    let (low, high) = match &panel.body {
+        Body::Map(map) => map.range,
+        Body::Curves(curves) => {
+            let values = curves.series.iter().flat_map(|s| s.y.iter().copied()).filter(|y| y.is_finite());
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)))
+        }
+    };
+    let size = low.abs().max(high.abs());
+    if high > low && size > 0.0 { high / size - low / size } else { 0.0 }
+}
+
+/// Gives maps of one field of several instances, or of several runs, the same colours for the same values.
+pub(super) fn share_scales(panels: &mut [(&PanelPlan, Panel)]) {
+    let mut ranges: Vec<(String, (f64, f64))> = Vec::new();
+    let key = |plan: &PanelPlan| format!("{} {}", plan.family, plan.unit);
+    for (plan, panel) in panels.iter() {
+        let Body::Map(map) = &panel.body else { continue };
+        match ranges.iter_mut().find(|(known, _)| *known == key(plan)) {
+            Some((_, range)) => *range = (range.0.min(map.range.0), range.1.max(map.range.1)),
+            None => ranges.push((key(plan), map.range)),
+        }
+    }
+    for (plan, panel) in panels {
+        if let (Body::Map(map), Some((_, range))) = (&mut panel.body, ranges.iter().find(|(known, _)| *known == key(plan))) {
+            map.range = *range;
+        }
+    }
+}
