@@ -165,10 +165,10 @@ impl Program {
         })
     }
 
-    /// Whether the text is a model of its own by a statement `model` or `episode`; other files may be parts of models.
+    /// Whether the text has a statement `model`; other files may be parts of models.
     #[must_use]
     pub fn is_model(&self) -> bool {
-        let is_model = |s: &Statement| matches!(s.kind, StatementKind::Model { .. } | StatementKind::Episode { .. });
+        let is_model = |s: &Statement| matches!(s.kind, StatementKind::Model { .. });
         self.files.first().is_some_and(|main| main.tree.statements.iter().any(is_model))
     }
 
@@ -176,7 +176,9 @@ impl Program {
     #[must_use]
     pub fn is_library(&self) -> bool {
         let declares = |s: &Statement| matches!(s.kind, StatementKind::Component { .. } | StatementKind::Connector { .. });
-        !self.is_model() && self.files.first().is_some_and(|main| main.tree.statements.iter().any(declares))
+        let Some(main) = self.files.first().filter(|_| !self.is_model()) else { return false };
+        let mut statements = main.tree.statements.iter();
+        statements.clone().any(declares) && !statements.any(|s| matches!(s.kind, StatementKind::Episode { .. }))
     }
 
     /// Symbols that can be named at a byte, those of the component first.

@@ -358,6 +358,15 @@ fn a_library_file_is_checked_in_the_model_that_imports_it() {
 }
 
 #[test]
+fn a_part_of_a_model_without_components_is_checked_in_that_model() {
+    let part = "use Stirred as R2(V = 1 [L])\nconnect R1.outlet -> R2.inlet\nepisode { step = 1 [min], max_steps = 5 }\n";
+    let plant = PLANT.replace("time t", "use \"part.eq\"\ntime t").replace("episode { step = 1 [min], max_steps = 5 }\n", "");
+    let mut client = Client::new(&[("plant.eq", &plant), ("units.eq", UNITS), ("part.eq", part)]);
+    client.open("part.eq", part);
+    assert_eq!(client.diagnostics("part.eq", 1), Vec::<Value>::new());
+}
+
+#[test]
 fn a_scenario_is_checked_with_its_model() {
     let mut client = plant();
     client.open("plant.low.yaml", SCENARIO);

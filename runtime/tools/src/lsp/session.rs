@@ -397,10 +397,15 @@ impl Session {
         let texts = self.texts();
         let open = texts.open().into_iter().filter(|file| !is_scenario(file));
         let candidates = open.chain(texts.models(path)).filter(|model| model != path);
-        candidates.into_iter().find(|model| {
-            let program = imports(model, texts.as_ref()).then(|| Program::new(model, texts.as_ref())).flatten();
-            program.is_some_and(|program| program.file_of(path).is_some() && program.is_model())
-        })
+        let mut found = None;
+        for model in candidates.filter(|model| imports(model, texts.as_ref())) {
+            let Some(program) = Program::new(&model, texts.as_ref()).filter(|program| program.file_of(path).is_some()) else { continue };
+            if program.is_model() {
+                return Some(model);
+            }
+            found.get_or_insert(model);
+        }
+        found
     }
 
     /// What a request about a file needs.
