@@ -76,7 +76,7 @@ impl Picture {
     /// Draws panels of runs. `time_unit` is that of the model, empty where it is not known.
     #[must_use]
     pub fn new(plans: &[PanelPlan], runs: &[Run], heading: &Heading, time_unit: &str) -> Self {
-        let panels = panel::fill(plans, runs, time_unit);
+        let panels = choose::fill(plans, runs, time_unit);
         let layout::Page { mut drawing, placed } = layout::page(&panels, runs, heading);
         plot::draw(&mut drawing, &panels, &placed, runs, heading);
         Self { drawing, panels, placed }

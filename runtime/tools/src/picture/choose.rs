@@ -1,7 +1,13 @@
 //! Which of the panels that nobody asked for a page shows, once their numbers are known.
 
-use super::panel::{Body, Panel, ROOMY};
-use super::plan::{OUTPUT, PanelPlan, Part};
+use super::items::Role;
+use super::panel::{Body, MOST_MAPS, Panel, Panels, is_constant, panels_of};
+use super::plan::{Kind, OUTPUT, PanelPlan, Part};
+use super::quantity::{quantity, readable_time, short, unit};
+use super::run::Run;
+
+/// More panels than this have no room for what does not change.
+const ROOMY: usize = 12;
 
 /// Most panels of a page that are chosen where nobody asks for any.
 const MOST_PANELS: usize = 24;
@@ -11,11 +17,63 @@ const MOST_FIELDS: usize = 4;
 const MOST_ACTIONS: usize = 6;
 const MOST_OTHERS: usize = 4;
 
+/// Fills the panels of a plan with the numbers of runs.
+pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panels {
+    let times = || runs.iter().flat_map(Run::time).filter(|t| t.is_finite());
+    let (low, high) = times().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+    let (low, high) = if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) };
+    let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
+    let (time_unit, factor) = readable_time(given_unit, high - low);
+    let mut filled: Vec<(&PanelPlan, Panel)> = Vec::new();
+    for plan in plans.iter().filter(|plan| !(plan.dispensable && counts_time(plan, runs))) {
+        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (plan, panel)));
+    }
+    let crowded = filled.len() > ROOMY;
+    let leaves = |(plan, panel): &(&PanelPlan, Panel)| {
+        let is_field = matches!(plan.kind, Kind::Map(_));
+        plan.dispensable && plan.role != Role::Reward && (crowded || is_field) && is_flat(panel)
+    };
+    let (flat, mut kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(leaves);
+    let constants = flat.iter().filter_map(|(_, panel)| constant(panel)).collect();
+    let left_out = fit_page(&mut kept, runs.len().min(MOST_MAPS));
+    share_scales(&mut kept);
+    let panels = kept.into_iter().map(|(_, panel)| panel).collect();
+    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants, left_out }
+}
+
+/// Whether a quantity is the time or the number of the step, which the abscissa tells.
+fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
+    let Kind::Lines(lines) = &plan.kind else { return false };
+    let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));
+    let is_clock = |run: &Run| {
+        let Some(line) = lines.first() else { return false };
+        let values = run.column(&line.member.column).unwrap_or_default();
+        !values.is_empty() && (same(values, &run.time()) || run.column("step").is_some_and(|steps| same(values, steps)))
+    };
+    lines.iter().filter(|line| !line.dots).count() == 1 && runs.iter().all(is_clock)
+}
+
+fn is_flat(panel: &Panel) -> bool {
+    matches!(&panel.body, Body::Curves(curves) if !panel.over_space && curves.series.iter().all(|s| is_constant(&s.y)))
+}
+
+/// `h = 0.659 m`; of several values the first four.
+fn constant(panel: &Panel) -> Option<String> {
+    let Body::Curves(curves) = &panel.body else { return None };
+    let values: Vec<f64> = curves.series.iter().filter(|s| !s.dots).filter_map(|s| s.y.iter().copied().find(|y| y.is_finite())).collect();
+    if let [value] = values[..] {
+        return Some(format!("{} = {}", panel.name, quantity(value, &panel.unit)));
+    }
+    let shown: Vec<String> = values.iter().take(4).map(|v| short(*v)).collect();
+    let more = if values.len() > 4 { ", ..." } else { "" };
+    Some(format!("{} = {}{more} {}", panel.name, shown.join(", "), panel.unit).trim_end().to_owned())
+}
+
 /// Keeps those panels that fit a page, in their order, and returns the names of the others.
 ///
 /// Of each part of the page those stay that come first by rank (observed, with bounds or set-point, states, the rest), and within a rank those
 /// that vary most, relative to their size. `maps` is the number of panels that a field has.
-pub(super) fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
+fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
     let count = |part: Part, most: usize| {
         let of_part = panels.iter().filter(|(plan, _)| plan.dispensable && plan.part == part).count();
         of_part.min(most)
@@ -60,7 +118,7 @@ fn relative_variation(panel: &Panel) -> f64 {
 }
 
 /// Gives maps of one field of several instances, or of several runs, the same colours for the same values.
-pub(super) fn share_scales(panels: &mut [(&PanelPlan, Panel)]) {
+fn share_scales(panels: &mut [(&PanelPlan, Panel)]) {
     let mut ranges: Vec<(String, (f64, f64))> = Vec::new();
     let key = |plan: &PanelPlan| format!("{} {}", plan.family, plan.unit);
     for (plan, panel) in panels.iter() {

@@ -1,12 +1,11 @@
 //! Panels with their numbers: curves, maps and what stands beside them, before they have a place on a page.
 
 use super::axis::{Axis, span};
-use super::choose;
 use super::colour;
 use super::drawing::Colour;
 use super::items::{Member, Role, Space};
 use super::plan::{Kind, Line, MOST_LINES, PanelPlan};
-use super::quantity::{bracketed, quantity, readable_time, short, unit};
+use super::quantity::{bracketed, short, unit};
 use super::run::Run;
 
 /// A panel.
@@ -100,10 +99,7 @@ pub(super) struct Panels {
 }
 
 /// Fields of more runs than these are not shown side by side.
-const MOST_MAPS: usize = 4;
-
-/// More panels than this have no room for what does not change.
-pub(super) const ROOMY: usize = 12;
+pub(super) const MOST_MAPS: usize = 4;
 
 /// Dashes by the number of the run, where colours tell something else.
 const DASHES: [&[f64]; 4] = [&[], &[6.0, 2.5], &[2.0, 2.0], &[7.0, 2.0, 2.0, 2.0]];
@@ -115,59 +111,8 @@ pub(super) fn run_colour(index: usize, count: usize) -> Colour {
     if count > MOST_RUNS { colour::paler(colour::BLUE, 0.45) } else { colour::CURVES[index % colour::CURVES.len()] }
 }
 
-/// Fills the panels of a plan with the numbers of runs.
-pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panels {
-    let times = || runs.iter().flat_map(Run::time).filter(|t| t.is_finite());
-    let (low, high) = times().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
-    let (low, high) = if low < high { (low, high) } else { (low.min(0.0), low.max(0.0) + 1.0) };
-    let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
-    let (time_unit, factor) = readable_time(given_unit, high - low);
-    let mut filled: Vec<(&PanelPlan, Panel)> = Vec::new();
-    for plan in plans.iter().filter(|plan| !(plan.dispensable && counts_time(plan, runs))) {
-        filled.extend(panels_of(plan, runs, factor, &time_unit).into_iter().map(|panel| (plan, panel)));
-    }
-    let crowded = filled.len() > ROOMY;
-    let leaves = |(plan, panel): &(&PanelPlan, Panel)| {
-        let is_field = matches!(plan.kind, Kind::Map(_));
-        plan.dispensable && plan.role != Role::Reward && (crowded || is_field) && is_flat(panel)
-    };
-    let (flat, mut kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(leaves);
-    let constants = flat.iter().filter_map(|(_, panel)| constant(panel)).collect();
-    let left_out = choose::fit_page(&mut kept, runs.len().min(MOST_MAPS));
-    choose::share_scales(&mut kept);
-    let panels = kept.into_iter().map(|(_, panel)| panel).collect();
-    Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants, left_out }
-}
-
-/// Whether a quantity is the time or the number of the step, which the abscissa tells.
-fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
-    let Kind::Lines(lines) = &plan.kind else { return false };
-    let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));
-    let is_clock = |run: &Run| {
-        let Some(line) = lines.first() else { return false };
-        let values = run.column(&line.member.column).unwrap_or_default();
-        !values.is_empty() && (same(values, &run.time()) || run.column("step").is_some_and(|steps| same(values, steps)))
-    };
-    lines.iter().filter(|line| !line.dots).count() == 1 && runs.iter().all(is_clock)
-}
-
-fn is_flat(panel: &Panel) -> bool {
-    matches!(&panel.body, Body::Curves(curves) if !panel.over_space && curves.series.iter().all(|s| is_constant(&s.y)))
-}
-
-/// `h = 0.659 m`; of several values the first four.
-fn constant(panel: &Panel) -> Option<String> {
-    let Body::Curves(curves) = &panel.body else { return None };
-    let values: Vec<f64> = curves.series.iter().filter(|s| !s.dots).filter_map(|s| s.y.iter().copied().find(|y| y.is_finite())).collect();
-    if let [value] = values[..] {
-        return Some(format!("{} = {}", panel.name, quantity(value, &panel.unit)));
-    }
-    let shown: Vec<String> = values.iter().take(4).map(|v| short(*v)).collect();
-    let more = if values.len() > 4 { ", ..." } else { "" };
-    Some(format!("{} = {}{more} {}", panel.name, shown.join(", "), panel.unit).trim_end().to_owned())
-}
-
-fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
+/// The panels of an entry of a plan with the numbers of runs.
+pub(super) fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: &str) -> Vec<Panel> {
     let few = || runs.iter().take(MOST_MAPS);
     let space = plan.space.as_deref().filter(|_| !runs.iter().any(|run| run.moved));
     let bodies = match &plan.kind {
@@ -205,7 +150,7 @@ fn text(plan: &PanelPlan, body: &Body) -> String {
     texts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn is_constant(values: &[f64]) -> bool {
+pub(super) fn is_constant(values: &[f64]) -> bool {
     let mut finite = values.iter().filter(|v| v.is_finite());
     let Some(first) = finite.next() else { return true };
     finite.all(|v| (v - first).abs() <= 1e-9 * first.abs().max(v.abs()))
