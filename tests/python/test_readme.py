@@ -39,6 +39,16 @@ def commands() -> list[str]:
     return [line for line in lines if line.startswith(("smpl ", "python "))]
 
 
+def serves(arguments: list[str], folder: Path) -> None:
+    """Starts a command that serves until it is stopped, reads its address, and stops it."""
+    command = [sys.executable, *arguments, "--no-open", "--port", "0"]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        address = server.stdout.readline()
+        server.terminate()
+    assert address.startswith("http://127.0.0.1:"), address
+
+
 @pytest.mark.parametrize("line", commands())
 def test_the_commands_run(line: str, tmp_path: Path) -> None:
     words = shlex.split(re.sub(r"--episodes \d+", "--episodes 4", line))
@@ -48,6 +58,9 @@ def test_the_commands_run(line: str, tmp_path: Path) -> None:
     (tmp_path / "models").symlink_to(ROOT / "models")
     (tmp_path / "tank.eq").write_text(next(body for body in blocks("") if "model Tank" in body))
     arguments = words[1:] if words[0] == "python" else ["-m", "smpl", *words[1:]]
+    if words[:2] == ["smpl", "live"]:
+        serves(arguments, tmp_path)
+        return
     result = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
 
