@@ -20,7 +20,9 @@ import smpl.export
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, SITE = ROOT / "docs", ROOT / "site"
 SUMMARY = (DOCS / "SUMMARY.md").read_text(encoding="utf-8")
-PAGES = sorted(str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md") if path.name != "SUMMARY.md")
+# The folder `editors` holds packages for editors, with their own pages.
+FOUND = [path.relative_to(DOCS) for path in DOCS.rglob("*.md") if path.name != "SUMMARY.md"]
+PAGES = sorted(str(path) for path in FOUND if path.parts[0] != "editors" and "node_modules" not in path.parts)
 
 
 def test_every_page_of_the_book_is_in_its_contents_once():
