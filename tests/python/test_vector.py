@@ -215,7 +215,7 @@ def test_a_model_that_observes_nothing_is_reset_and_stepped(threads):
     reward r = x
     episode { step = 0.5, max_steps = 3 }
     """
-    envs = smpl.VectorEnv(smpl.compile(source=source), 5, num_threads=threads)
+    envs = smpl.VectorEnv(smpl.compile(source=source), 5, num_threads=threads, normalize=False)
     observations, _ = envs.reset(seed=1)
     assert observations.shape == (5, 0)
     total = 0
