@@ -18,7 +18,7 @@ use crate::token::{TokenKind, tokens};
 /// An edit that is offered for a diagnostic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fix {
-    /// What it does, for a menu.
+    /// Effect, for a menu.
     pub title: String,
     /// The edit.
     pub edit: Edit,
@@ -46,7 +46,7 @@ pub fn fixes(
     out
 }
 
-/// Whether a diagnostic is gone after an edit, and nothing else is worse.
+/// Returns whether a diagnostic is gone after an edit, and nothing else is worse.
 fn helps(
     program: &Program,
     diagnostics: &[Diagnostic],

@@ -15,7 +15,7 @@ use crate::program::{Program, loaded};
 use crate::symbols::SymbolId;
 use crate::texts::Texts;
 
-/// What is known of a symbol beyond its declaration.
+/// Facts of a symbol beyond its declaration.
 #[derive(Clone, Debug, Default)]
 pub struct Fact {
     /// Values and bounds, once for each instance.
@@ -36,7 +36,7 @@ pub type Facts = HashMap<String, Fact>;
 pub struct Checked {
     /// Faults and warnings; their files are those of the program.
     pub diagnostics: Vec<Diagnostic>,
-    /// What is known of symbols.
+    /// Facts of symbols.
     pub facts: Facts,
     /// The text is a model without errors.
     pub valid: bool,
@@ -70,7 +70,7 @@ pub fn check(program: &Program, texts: &(dyn Texts + Sync), observer: &Observer)
     Some(Checked { diagnostics, facts, valid })
 }
 
-/// Whether a diagnostic asks for what a file of components does not need.
+/// Returns whether a diagnostic asks for what a file of components does not need.
 fn of_models_alone(d: &Diagnostic) -> bool {
     d.code == codes::NO_EPISODE || d.code == codes::UNDERDETERMINED && d.primary.span == Span::default()
 }

@@ -1,4 +1,4 @@
-//! What can be written at a position, also while the statement is half-written.
+//! Completions at a position, also while the statement is half-written.
 
 use std::ops::Range;
 use std::path::Path;
@@ -45,7 +45,7 @@ pub struct Proposal {
     pub detail: String,
     /// Inserted text; a snippet with `${1:..}` if [`Self::snippet`].
     pub insert: String,
-    /// Whether `insert` is a snippet.
+    /// True if `insert` is a snippet.
     pub snippet: bool,
     /// Order: smaller first.
     pub rank: u8,

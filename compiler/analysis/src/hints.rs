@@ -113,7 +113,7 @@ impl Hints<'_> {
     }
 }
 
-/// Whether an expression is more than a number that is written out.
+/// Returns whether an expression is more than a number that is written out.
 fn is_computed(kind: &ExprKind) -> bool {
     match kind {
         ExprKind::Number { .. } | ExprKind::Bool(_) => false,

@@ -1,4 +1,4 @@
-//! What is at a position.
+//! Descriptions of the thing at a position.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::reference;
 use crate::symbols::{Symbol, SymbolId, SymbolKind};
 use crate::token::{TokenKind, tokens, word_at};
 
-/// What is known of the thing at a position, in Markdown.
+/// Description of the thing at a position, in Markdown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hover {
     /// Bytes that the answer is about.
@@ -223,7 +223,7 @@ pub(crate) fn definition(d: &Declaration) -> Option<String> {
     Some(format!("{left} = {}", latex::expression(value)))
 }
 
-/// Where the symbol is determined and used.
+/// Places where the symbol is determined and used.
 fn uses(program: &Program, fact: Option<&Fact>, id: SymbolId) -> String {
     let mut out = Vec::new();
     let mut lines: Vec<usize> = program.equations().iter().filter(|e| e.determines == Some(id)).map(|e| program.line(e.span)).collect();
@@ -246,7 +246,7 @@ fn uses(program: &Program, fact: Option<&Fact>, id: SymbolId) -> String {
     out.join("; ")
 }
 
-/// Whether a word is a keyword of the language.
+/// Returns whether a word is a keyword of the language.
 #[must_use]
 pub fn is_keyword(word: &str) -> bool {
     words::keywords().any(|known| known == word)

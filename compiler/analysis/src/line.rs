@@ -12,7 +12,7 @@ use crate::program::Program;
 use crate::symbols::{SymbolId, SymbolKind};
 use crate::token::{Token, TokenKind, tokens};
 
-/// What a place in a statement takes.
+/// Kinds of things that a place in a statement takes.
 pub(crate) enum Wanted {
     Nothing,
     Statement,
@@ -150,7 +150,7 @@ impl<'t> Line<'t> {
         })
     }
 
-    /// What can be written after the tokens.
+    /// Completions after the tokens.
     pub(crate) fn wanted(&self, program: &Program, facts: &Facts, file: FileId) -> Wanted {
         match self.inside {
             Some(TokenKind::Text) if self.word(0) == "use" => return Wanted::Files,
@@ -221,7 +221,7 @@ impl<'t> Line<'t> {
         }
     }
 
-    /// Whether the last token ends an operand, so that an operator or a clause follows.
+    /// Returns whether the last token ends an operand, so that an operator or a clause follows.
     fn is_operand_end(&self) -> bool {
         let Some(last) = self.tokens.last() else { return false };
         let word = &self.text[last.range.clone()];
@@ -358,14 +358,14 @@ fn statement_start(text: &str, tokens: &[Token]) -> usize {
     0
 }
 
-/// Whether the line of a brace begins with the keyword of a block of entries, whose content belongs to that statement.
+/// Returns whether the line of a brace begins with the keyword of a block of entries, whose content belongs to that statement.
 fn before_is_block(text: &str, tokens: &[Token], brace: usize) -> bool {
     let line = tokens[..brace].iter().rposition(|t| t.kind == TokenKind::Newline).map_or(0, |i| i + 1);
     let word = tokens.get(line).map_or("", |t| &text[t.range.clone()]);
     matches!(word, "episode" | "solver" | "steady" | "policy" | "set" | "table" | "connector")
 }
 
-/// Whether a bracket of the same statement is still open at the end of the tokens.
+/// Returns whether a bracket of the same statement is still open at the end of the tokens.
 fn is_open(text: &str, tokens: &[Token]) -> bool {
     let mut depth = 0_i32;
     for (i, token) in tokens.iter().enumerate().rev() {
@@ -383,7 +383,7 @@ fn is_open(text: &str, tokens: &[Token]) -> bool {
     false
 }
 
-/// Whether a line that begins so goes on with the statement before.
+/// Returns whether a line that begins so goes on with the statement before.
 fn continues(word: &str) -> bool {
     matches!(word, "+" | "-" | "*" | "/" | "^" | "<" | ">" | "=" | "|" | "~" | "for" | "else" | "then" | "and" | "or" | "in" | "as")
 }

@@ -41,7 +41,7 @@ pub struct Position {
     pub character: u32,
 }
 
-/// Where the lines of a text begin.
+/// Offsets of the lines of a text.
 #[derive(Clone, Debug)]
 pub struct Lines {
     starts: Vec<usize>,

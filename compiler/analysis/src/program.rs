@@ -165,14 +165,14 @@ impl Program {
         })
     }
 
-    /// Whether the text has a statement `model`; other files may be parts of models.
+    /// Returns whether the text has a statement `model`; other files may be parts of models.
     #[must_use]
     pub fn is_model(&self) -> bool {
         let is_model = |s: &Statement| matches!(s.kind, StatementKind::Model { .. });
         self.files.first().is_some_and(|main| main.tree.statements.iter().any(is_model))
     }
 
-    /// Whether the text is a library file: it declares components for others and is no model of its own.
+    /// Returns whether the text is a library file: it declares components for others and is no model of its own.
     #[must_use]
     pub fn is_library(&self) -> bool {
         let declares = |s: &Statement| matches!(s.kind, StatementKind::Component { .. } | StatementKind::Connector { .. });
@@ -192,7 +192,7 @@ impl Program {
     }
 }
 
-/// Whether a file may import others, by a look at its text.
+/// Returns whether a file may import others, by a look at its text.
 #[must_use]
 pub fn imports(path: &Path, texts: &dyn Texts) -> bool {
     let text = texts.text(path);

@@ -54,13 +54,13 @@ pub(crate) const STATEMENTS: &[(&str, &str, &str)] = &[
     ("when", "holds the statements of an option", "when ${1:choice} = ${2:option} {\n  $0\n}"),
 ];
 
-/// What a statement keyword does, in a few words.
+/// Effect of a statement keyword, in a few words.
 #[must_use]
 pub fn keyword_meaning(keyword: &str) -> &'static str {
     STATEMENTS.iter().find(|(word, ..)| *word == keyword).map_or("a statement", |(_, meaning, _)| meaning)
 }
 
-/// Whether a name or function is built in.
+/// Returns whether a name or function is built in.
 #[must_use]
 pub fn is_built_in(name: &str) -> bool {
     smpl_compiler::elaborate::is_built_in(name) || matches!(name, "bounds" | "phase" | "steps")

@@ -50,7 +50,7 @@ pub fn applied<'e>(text: &str, edits: impl IntoIterator<Item = &'e Edit>) -> Str
 
 /// Texts with some of them replaced.
 pub struct Changed<'t> {
-    /// What is below.
+    /// Content below.
     pub below: &'t (dyn Texts + Sync),
     /// Replaced texts.
     pub texts: BTreeMap<PathBuf, Arc<str>>,

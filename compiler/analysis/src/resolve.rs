@@ -31,12 +31,12 @@ pub struct EquationUse {
     pub mentions: Vec<SymbolId>,
 }
 
-/// What names of trees mean.
+/// Meanings of the names of trees.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resolved {
     /// Symbols.
     pub symbols: Symbols,
-    /// Where they are named, by place.
+    /// Their occurrences, by place.
     pub occurrences: Vec<Occurrence>,
     /// Equations in the order of the text.
     pub equations: Vec<EquationUse>,

@@ -60,7 +60,7 @@ pub fn keys(text: &str) -> Vec<Key> {
     out
 }
 
-/// Where a comment of a line begins.
+/// Offset of the comment of a line.
 fn comment_start(line: &str) -> usize {
     let mut quote = None;
     for (at, c) in line.char_indices() {

@@ -112,7 +112,7 @@ impl SymbolKind {
         }
     }
 
-    /// Whether the name is used in expressions, so that it shares their scope.
+    /// Returns whether the name is used in expressions, so that it shares their scope.
     #[must_use]
     pub fn is_value(self) -> bool {
         !matches!(
@@ -131,7 +131,7 @@ impl SymbolKind {
         )
     }
 
-    /// Whether the symbol is known in a part of one statement only.
+    /// Returns whether the symbol is known in a part of one statement only.
     #[must_use]
     pub fn is_local(self) -> bool {
         matches!(self, SymbolKind::Index | SymbolKind::Argument)

@@ -71,7 +71,7 @@ fn measure(text: &str, first: char) -> (Option<TokenKind>, usize) {
     }
 }
 
-/// Whether a character may stand in a name.
+/// Returns whether a character may stand in a name.
 #[must_use]
 pub fn is_word(character: char) -> bool {
     character.is_ascii_alphanumeric() || character == '_'

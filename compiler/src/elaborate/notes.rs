@@ -50,7 +50,7 @@ impl Observer {
 }
 
 impl Notes {
-    /// Whether nothing was noted.
+    /// Returns whether nothing was noted.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.quantities.is_empty() && self.units.is_empty() && self.sizes.is_empty()

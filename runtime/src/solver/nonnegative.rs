@@ -111,7 +111,7 @@ impl Nonnegative {
     }
 }
 
-/// How much shorter a step has to be than one that led from `begin` to `end`, below zero.
+/// Part to which a step has to be shortened after one that led from `begin` to `end`, below zero.
 pub(crate) fn shorter(begin: f64, end: f64) -> f64 {
     let part = SHORT_OF * begin / (begin - end);
     if part > LEAST { part } else { UNKNOWN }

@@ -18,7 +18,7 @@ pub(crate) struct Safe {
 
 /// Data of a box that lasts.
 struct Lasting {
-    /// What root functions read besides unknowns: where the box was found, and now.
+    /// Inputs that root functions read in addition to unknowns: those of the box, and those of now.
     inputs: Box<[f64]>,
     now: Box<[f64]>,
     /// Conditions inside of the box.

@@ -38,7 +38,7 @@ const DOUBT: f64 = 0.5;
 /// A kink is far from its threshold that is further than this many times what its values bow over a step.
 const BOW: f64 = 4.0;
 
-/// How much faster than in the last step that was looked at a kink may move, and for how many steps as long it is not looked at.
+/// Factor by which a kink may move faster than in the last step that was examined, and number of such steps for which it is not examined.
 const SUDDEN: f64 = 8.0;
 const QUIET: f64 = 32.0;
 
@@ -318,7 +318,7 @@ impl Watch {
         (self.since, self.passed, self.stale) = (time, false, true);
     }
 
-    /// What the bounds over the whole step that ends at the present values leave open of it.
+    /// Events and kinks that the bounds over the whole step leave open.
     pub(super) fn what_is_open(&self, closely: Closely) -> Open {
         let mut open = Open::Nothing;
         for i in 0..self.edges.len() {
@@ -571,7 +571,7 @@ impl Watch {
         self.before.fill(0.0);
     }
 
-    /// Whether the values ahead are behind a jump that the present ones are before.
+    /// Returns whether the values ahead are behind a jump that the present ones are before.
     pub(super) fn jumps_ahead(&self) -> bool {
         (0..self.edges.len()).any(|i| {
             let (edge, ahead, band) = (self.edges[i], self.ahead[i], self.edges[i].band.max(0.0));

@@ -5,7 +5,7 @@ use smpl_runtime::environment::Environment;
 use smpl_runtime::random::{EpisodeKey, Stream};
 use smpl_runtime::setup::Setup;
 
-/// Where actions come from.
+/// Source of actions.
 pub(crate) enum Policy {
     /// The actions' nominal values.
     Nominal,

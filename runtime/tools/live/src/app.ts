@@ -7,7 +7,7 @@ import type { Shared } from "./plots/shared.ts";
 import type { Files, Model, Range, RunResult, Settings } from "./protocol.ts";
 import type { Signal } from "./signal.ts";
 
-/** What parts of the page see of the whole. */
+/** State that parts of the page share. */
 export interface App {
   client: Client;
   editor: Editor;

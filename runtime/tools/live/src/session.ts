@@ -9,7 +9,7 @@ import { ErrorCode, type Model, type RunResult } from "./protocol.ts";
 import { compiledKey, pruned } from "./settings.ts";
 import { Signal } from "./signal.ts";
 
-/** What the status line shows. */
+/** Content of the status line. */
 export interface Status {
   busy: boolean;
   /** Part of a long run that is done; null when unknown. */

@@ -49,7 +49,7 @@ export function countChanges(settings: Settings): number {
   return count;
 }
 
-/** Whether a change of settings needs another compiled model, and so other controls. */
+/** Returns whether a change of settings needs another compiled model, and so other controls. */
 export function compiledKey(settings: Settings): string {
   return JSON.stringify([settings.scenario ?? "", [...(settings.variants ?? [])].sort(), settings.settings ?? {}]);
 }

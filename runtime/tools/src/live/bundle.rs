@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 include!(concat!(env!("OUT_DIR"), "/live_bundle.rs"));
 
-/// Where the files come from.
+/// Source of the files.
 #[derive(Clone, Debug)]
 pub(crate) enum Bundle {
     /// The program itself.

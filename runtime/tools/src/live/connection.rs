@@ -34,7 +34,7 @@ const MOST_NONSENSE: usize = 100;
 const STACK: usize = 64 << 20;
 const SMALL_STACK: usize = 1 << 20;
 
-/// What the threads of a connection share.
+/// State that the threads of a connection share.
 struct Page {
     folder: Folder,
     texts: Arc<OpenTexts>,
@@ -96,7 +96,7 @@ pub(crate) fn serve(stream: TcpStream, read: Vec<u8>, folder: Folder) -> io::Res
     })
 }
 
-/// What the page sends, message after message, in their order.
+/// Messages of the page, in their order.
 struct Reader<'p> {
     page: &'p Page,
     session: Session,

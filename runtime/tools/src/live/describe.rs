@@ -1,4 +1,4 @@
-//! What the controls of the page show of a model: parameters, starts, actions, choices, panels.
+//! Descriptions of a model for the controls of the page: parameters, starts, actions, choices, panels.
 
 use std::sync::Arc;
 

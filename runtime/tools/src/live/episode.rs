@@ -17,7 +17,7 @@ use crate::policy::Policy;
 /// Most numbers of the table of a run.
 const MOST_CELLS: usize = 50_000_000;
 
-/// What a run ended in.
+/// End of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct End {
     pub(crate) kind: &'static str,
@@ -28,7 +28,7 @@ pub(crate) struct End {
 /// A run.
 pub(crate) struct Episode {
     pub(crate) table: Table,
-    /// What was followed within steps, with its values.
+    /// Quantities followed within steps, with their values.
     pub(crate) trace: Option<(Tracing, Trace)>,
     pub(crate) end: End,
     pub(crate) total: f64,
@@ -39,7 +39,7 @@ pub(crate) struct Episode {
     pub(crate) ended_records: Vec<(String, usize)>,
 }
 
-/// What a run shows of its progress.
+/// Progress of a run.
 pub(crate) type Progress<'a> = &'a mut dyn FnMut(u32);
 
 /// Columns that are followed within steps.

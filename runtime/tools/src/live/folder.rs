@@ -126,7 +126,7 @@ impl Folder {
         })
     }
 
-    /// Whether there is a model to open.
+    /// Returns whether there is a model to open.
     pub(crate) fn has_models(&self) -> bool {
         !models_in(&self.root, DEPTH).is_empty()
     }

@@ -32,7 +32,7 @@ pub(crate) struct Compiled {
     setups: Mutex<Vec<(String, Arc<Setup>)>>,
 }
 
-/// What a request works on: a model, and whether its text is an older one.
+/// Subject of a request: a model, and whether its text is an older one.
 #[derive(Clone)]
 pub(crate) struct Found {
     pub(crate) compiled: Arc<Compiled>,
@@ -162,7 +162,7 @@ impl Models {
         answer
     }
 
-    /// What was compiled from the same texts with the same options.
+    /// Model compiled from the same texts with the same options.
     fn known(&self, path: &Path, options: &LoadOptions, text: OpenTexts<'_>) -> Option<Result<Arc<Compiled>, Arc<LoadError>>> {
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let entry = entries.iter_mut().find(|entry| entry.path == path && entry.options == *options)?;

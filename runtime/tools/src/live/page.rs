@@ -53,7 +53,7 @@ const ELEMENTS: [&str; 27] = [
     "menclose",
 ];
 
-/// Whether a text has elements of MathML only, and no attribute that runs a script or leads elsewhere.
+/// Returns whether a text has elements of MathML only, and no attribute that runs a script or leads elsewhere.
 fn is_mathml(text: &str) -> bool {
     let mut parts = text.split('<');
     let starts_with_a_tag = parts.next().is_some_and(|before| before.trim().is_empty());

@@ -44,7 +44,7 @@ pub(crate) struct Shown {
     pub(crate) fields: Vec<Item>,
 }
 
-/// How the values of a curve hold between its points.
+/// Interpolation of a curve between its points.
 pub(crate) fn style(role: Role) -> &'static str {
     match role {
         Role::Observation => "dots",

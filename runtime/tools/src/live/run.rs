@@ -17,7 +17,7 @@ use super::settings::{Settings, Single, kind_of};
 use super::wire::{Answer, Fault, curve, number};
 use crate::picture::items::Item;
 
-/// Fields that are sent where nobody asks for any.
+/// Fields that are sent where no names are given.
 const FIRST_FIELDS: usize = 4;
 /// Most times of a field.
 const MOST_TIMES: usize = 240;
@@ -61,7 +61,7 @@ impl Benches {
     }
 }
 
-/// What a run reports while it goes on: completed steps and all steps.
+/// Report of a run while it goes on: completed steps and all steps.
 pub(crate) type Report<'a> = &'a mut dyn FnMut(u64, u64);
 
 /// Runs what a request asks for. `find` gives the model under settings.

@@ -11,7 +11,7 @@ use smpl_runtime::setup::Setup;
 use super::settings::{PidSettings, Settings, StartAt};
 use super::wire::Fault;
 
-/// What a run depends on, in a line.
+/// Inputs of a run, in a line.
 pub(crate) fn circumstances(settings: &Settings, seed: u64) -> String {
     let scenario = settings.scenario.iter().filter(|name| *name != "default").map(|name| format!("scenario {name}"));
     let variants = settings.variants.iter().map(|variant| format!("variant {variant}"));
@@ -58,7 +58,7 @@ pub(crate) fn scenario(settings: &Settings, base: &str) -> Result<String, Fault>
     Ok(text)
 }
 
-/// What belongs to a run and not to a scenario.
+/// Settings of a run that a scenario does not have.
 fn comments(settings: &Settings) -> String {
     let actions = settings.actions.iter().map(|(name, value)| format!("action {name} = {value}"));
     let policy = settings.policy.iter().map(|name| format!("policy {name}"));

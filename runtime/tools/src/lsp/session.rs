@@ -23,7 +23,7 @@ use super::settings::Settings;
 use super::texts::{Document, OpenTexts};
 use super::worker::{Outcome, Shared, Terms, Worker};
 
-/// How a session is set up.
+/// Set-up of a session.
 #[derive(Clone, Debug, Default)]
 pub struct SessionOptions {
     /// Folder of the library.
@@ -73,7 +73,7 @@ pub struct Session {
     stopped: bool,
 }
 
-/// What a request about a place needs: the program, the file in it, and what is known of its symbols.
+/// Data for a request about a place: the program, the file in it, and what is known of its symbols.
 pub(super) struct At {
     pub(super) program: Arc<Program>,
     pub(super) file: FileId,
@@ -91,7 +91,7 @@ impl At {
         Places { text: &file.text, lines: &file.lines, encoding: self.encoding }
     }
 
-    /// What the compiler derived; nothing before the first check.
+    /// Facts that the compiler derived; none before the first check.
     pub(super) fn facts(&self) -> &Facts {
         static NOTHING: LazyLock<Facts> = LazyLock::new(Facts::default);
         self.outcome.as_ref().map_or(&NOTHING, |outcome| &outcome.checked.facts)
@@ -408,7 +408,7 @@ impl Session {
         found
     }
 
-    /// What a request about a file needs.
+    /// Data for a request about a file.
     pub(super) fn at(&mut self, uri: &Uri) -> Result<At, Refused> {
         let path = path_of(uri);
         let root = self.root_of(&path);
@@ -420,7 +420,7 @@ impl Session {
     }
 }
 
-/// Whether a file is a scenario.
+/// Returns whether a file is a scenario.
 pub(super) fn is_scenario(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "yaml" || e == "yml")
 }

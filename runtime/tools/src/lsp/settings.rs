@@ -3,7 +3,7 @@
 use serde_json::Value;
 use smpl_analysis::hints::HintKind;
 
-/// What a client can turn off.
+/// Features that a client can turn off.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Settings {
     units: bool,
@@ -34,7 +34,7 @@ impl Settings {
         self.lenses = flag(Some(value), "codeLens").unwrap_or(self.lenses);
     }
 
-    /// Whether a kind of hint is shown.
+    /// Returns whether a kind of hint is shown.
     pub(super) fn shows(&self, kind: HintKind) -> bool {
         match kind {
             HintKind::Unit => self.units,

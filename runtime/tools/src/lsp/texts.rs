@@ -100,7 +100,7 @@ impl OpenTexts {
         self.documents.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a file on disk may be read: it is inside of the folder or the library.
+    /// Returns whether a file on disk may be read: it is inside of the folder or the library.
     fn may_read(&self, path: &Path) -> bool {
         let Some(within) = &self.within else { return true };
         let Ok(path) = path.canonicalize() else { return false };

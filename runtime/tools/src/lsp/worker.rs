@@ -35,7 +35,7 @@ pub(super) struct Outcome {
     pub(super) checked: Checked,
 }
 
-/// What is to be checked.
+/// Subject of a check.
 enum Job {
     Model(Arc<Program>),
     Scenario,
@@ -55,7 +55,7 @@ pub(super) struct Terms {
 struct State {
     terms: Terms,
     jobs: BTreeMap<PathBuf, Job>,
-    /// What is being checked.
+    /// Check in progress.
     current: Option<(PathBuf, Observer)>,
     results: HashMap<PathBuf, Arc<Outcome>>,
     /// Diagnostics of the newest check, by main file and file.
@@ -69,7 +69,7 @@ struct State {
     stopped: bool,
 }
 
-/// What the session and its thread share.
+/// State that the session and its thread share.
 pub(super) struct Shared {
     pub(super) texts: Arc<OpenTexts>,
     out: Sender<Message>,

@@ -1,4 +1,4 @@
-//! Which of the panels that nobody asked for a page shows, once their numbers are known.
+//! Choice of the panels of a page, where no names are given, by their numbers.
 
 use super::items::Role;
 use super::panel::{Body, MOST_MAPS, Panel, Panels, is_constant, panels_of};
@@ -9,7 +9,7 @@ use super::run::Run;
 /// More panels than this have no room for what does not change.
 const ROOMY: usize = 12;
 
-/// Most panels of a page that are chosen where nobody asks for any.
+/// Most panels of a page where no names are given.
 const MOST_PANELS: usize = 24;
 /// Most outputs among them that are neither observed nor bounded, on a page of more panels than are roomy.
 const MOST_OUTPUTS: usize = 4;
@@ -41,7 +41,7 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
     Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants, left_out }
 }
 
-/// Whether a quantity is the time or the number of the step, which the abscissa tells.
+/// Returns whether a quantity is the time or the number of the step, which the abscissa tells.
 fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
     let Kind::Lines(lines) = &plan.kind else { return false };
     let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));

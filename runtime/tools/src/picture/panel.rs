@@ -156,7 +156,7 @@ pub(super) fn is_constant(values: &[f64]) -> bool {
     finite.all(|v| (v - first).abs() <= 1e-9 * first.abs().max(v.abs()))
 }
 
-/// Whether a field has one value everywhere and always; a map of it would magnify rounding errors.
+/// Returns whether a field has one value everywhere and always; a map of it would magnify rounding errors.
 fn is_uniform(cells: &[Member], run: &Run) -> bool {
     let values = || cells.iter().filter_map(|cell| run.column(&cell.column)).flatten().copied();
     let (low, high) = extremes(values());

@@ -46,26 +46,26 @@ pub struct PanelPlan {
     pub space: Option<Arc<Space>>,
     /// Left out where there is no room and nothing changes.
     pub dispensable: bool,
-    /// What the coordinate is where `space` is not known: `cell`, or the name of a set.
+    /// Name of the coordinate where `space` is not known: `cell`, or the name of a set.
     pub index: String,
     /// Name of the quantity in any instance of its component: `col[*].c`.
     pub family: String,
-    /// Which part of a page it belongs to.
+    /// Part of the page.
     pub part: Part,
-    /// Which panels of a part stay first where there are more than fit: those of rank 0.
+    /// Rank within a part: where there are more panels than fit, those of rank 0 stay first.
     pub rank: u8,
 }
 
 /// Parts of a page, each with room of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// What is observed, states, outputs.
+    /// Observed quantities, states, outputs.
     Curves,
     /// Fields over space.
     Fields,
     /// Actions.
     Actions,
-    /// What is discrete, disturbances.
+    /// Discrete variables, disturbances.
     Others,
     /// The reward.
     Reward,
@@ -311,7 +311,7 @@ fn is_shadow(items: &[Item], observation: &Item) -> bool {
     items.iter().any(|i| i.role != Role::Observation && i.role != Role::Reward && i.name == observation.name)
 }
 
-/// Panels where nobody asks for any: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward. Those that do not
+/// Panels where no names are given: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward. Those that do not
 /// fit a page leave it once there are numbers (see `choose`).
 fn usual(items: &[Item]) -> Vec<PanelPlan> {
     let items = &gathered(items);

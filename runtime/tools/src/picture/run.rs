@@ -164,7 +164,7 @@ pub struct Followings {
     phases: Vec<(f64, usize)>,
 }
 
-/// What is followed within steps, and at how many points.
+/// Quantities to follow within steps, and the number of points.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tracing {
     /// Columns of the curves.
@@ -205,7 +205,7 @@ impl Tracing {
         trace.values.iter().skip(at).step_by(self.sources.len().max(1)).copied().collect()
     }
 
-    /// What was seen.
+    /// Recorded values.
     pub(crate) fn followings(&self, setup: &Setup, trace: &Trace) -> Followings {
         let (interface, roots) = (setup.model().interface(), setup.model().roots_info());
         let named = trace.events.iter().filter_map(|(t, root)| Some((*t, roots.get(*root)?.name.clone())));
@@ -247,7 +247,7 @@ impl Follower {
         Ok(())
     }
 
-    /// What was seen.
+    /// Recorded values.
     #[must_use]
     pub fn finish(mut self) -> Followings {
         let trace = self.shadow.take_trace().unwrap_or_default();

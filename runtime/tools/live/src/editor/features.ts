@@ -78,7 +78,7 @@ function toCompletion(item: CompletionItem): Completion {
   };
 }
 
-/** Whether a diagnostic is at that place; its own tooltip is then the only one. */
+/** Returns whether a diagnostic is at that place; its own tooltip is then the only one. */
 function hasDiagnostic(state: EditorState, pos: number): boolean {
   let found = false;
   forEachDiagnostic(state, (_, from, to) => { found ||= from <= pos && pos <= to; });

@@ -27,7 +27,7 @@ interface State {
   unit: boolean;
   /** Depth of round and square brackets. */
   depth: number;
-  /** What the last token was: a unit may follow a number or `as`. */
+  /** Kind of the last token: a unit may follow a number or `as`. */
   last: "number" | "as" | "name" | "other";
   bracketUnit: boolean;
   /** First word of the statement. */

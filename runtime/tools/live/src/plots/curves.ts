@@ -50,7 +50,7 @@ export interface Pinned {
 
 const DASHES: number[][] = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 
-/** What a panel shows of a result and of pinned runs. */
+/** Content of a panel: a result and pinned runs. */
 export function panelData(plan: PanelPlan, result: RunResult, pinned: readonly Pinned[], dark: boolean, most = Infinity): PanelData {
   const data: PanelData = { id: panelKey(plan), title: plan.title, unit: plan.unit, text: plan.text, role: plan.role, curves: [], ghosts: [], ribbons: [], levels: [], left: 0 };
   const { runs } = result;
@@ -104,7 +104,7 @@ function change(run: Run, line: { column: string; style: LineStyle }): number {
   return (high - low) / Math.max(Math.abs(low), Math.abs(high), 1e-300);
 }
 
-/** Whether readings are the values of their curve: without noise and delay. */
+/** Returns whether readings are the values of their curve: without noise and delay. */
 function repeats(run: Run, line: { column: string }, curve: { column: string; style: LineStyle }): boolean {
   const [points, whole] = [curveOf(run, line.column, "dots"), curveOf(run, curve.column, curve.style)];
   if (!points || !whole) return false;

@@ -1,6 +1,6 @@
 // A tab of results.
 
-/** What a tab can do; it asks the server only while it is shown. */
+/** Interface of a tab; it asks the server only while it is shown. */
 export interface Tab {
   id: string;
   title: string;
