@@ -100,3 +100,37 @@ const INSIDE: &[&str] = &["from", "linear", "bounds", "unit", "dt"];
 pub fn is_word(name: &str) -> bool {
     keywords().any(|word| word == name) || [RESERVED, CLAUSES, INSIDE].iter().any(|list| list.contains(&name))
 }
+
+/// Length of the name, keyword or unit symbol that a text begins with; zero if there is none.
+///
+/// A degree sign begins a unit, and a percent sign ends one: `mol%` is a unit of its own, and a blank in between makes it another.
+#[must_use]
+pub fn word(text: &str) -> usize {
+    let first = text.chars().next().unwrap_or(' ');
+    if first == '\u{b0}' {
+        return text[2..].find(|c: char| !c.is_ascii_alphanumeric()).map_or(text.len(), |end| end + 2);
+    }
+    if !first.is_ascii_alphabetic() && first != '_' {
+        return 0;
+    }
+    let end = text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len());
+    end + usize::from(text[end..].starts_with('%'))
+}
+
+/// Length of the number that a text begins with, which is a digit.
+#[must_use]
+pub fn number(text: &str) -> usize {
+    let digits = |from: usize| text[from..].bytes().take_while(u8::is_ascii_digit).count();
+    let mut end = digits(0);
+    if text[end..].starts_with('.') && digits(end + 1) > 0 {
+        end += 1 + digits(end + 1);
+    }
+    if text[end..].starts_with(['e', 'E']) {
+        let sign = usize::from(text[end + 1..].starts_with(['+', '-']));
+        let exponent = digits(end + 1 + sign);
+        if exponent > 0 {
+            end += 1 + sign + exponent;
+        }
+    }
+    end
+}

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use smpl_dsl::words::{number, word};
+
 /// Kinds of token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TokenKind {
@@ -58,12 +60,7 @@ fn measure(text: &str, first: char) -> (Option<TokenKind>, usize) {
             (Some(TokenKind::Text), text[1..line].find('"').map_or(line, |end| end + 2))
         }
         _ if first.is_ascii_digit() => (Some(TokenKind::Number), number(text)),
-        '°' => {
-            let rest = &text[first.len_utf8()..];
-            let word = rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len());
-            (Some(TokenKind::Word), first.len_utf8() + word)
-        }
-        _ if is_word(first) => (Some(TokenKind::Word), until(|c| !is_word(c))),
+        _ if word(text) > 0 => (Some(TokenKind::Word), word(text)),
         _ => {
             let length = PAIRS.iter().find(|pair| text.starts_with(**pair)).map_or(first.len_utf8(), |pair| pair.len());
             (Some(TokenKind::Sign), length)
@@ -75,22 +72,6 @@ fn measure(text: &str, first: char) -> (Option<TokenKind>, usize) {
 #[must_use]
 pub fn is_word(character: char) -> bool {
     character.is_ascii_alphanumeric() || character == '_'
-}
-
-fn number(text: &str) -> usize {
-    let digits = |from: usize| text[from..].bytes().take_while(u8::is_ascii_digit).count();
-    let mut end = digits(0);
-    if text[end..].starts_with('.') && digits(end + 1) > 0 {
-        end += 1 + digits(end + 1);
-    }
-    if text[end..].starts_with(['e', 'E']) {
-        let sign = usize::from(text[end + 1..].starts_with(['+', '-']));
-        let exponent = digits(end + 1 + sign);
-        if exponent > 0 {
-            end += 1 + sign + exponent;
-        }
-    }
-    end
 }
 
 /// Bytes of the word around or just before an offset; empty at the offset where there is none.
@@ -105,6 +86,13 @@ pub fn word_at(text: &str, offset: usize) -> Range<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_unit_with_a_percent_sign_is_one_word() {
+        let text = "param a : mol% = 2 [°C]";
+        let words: Vec<&str> = tokens(text).into_iter().map(|token| &text[token.range]).collect();
+        assert_eq!(words, ["param", "a", ":", "mol%", "=", "2", "[", "°C", "]"]);
+    }
 
     #[test]
     fn tokens_cover_everything_but_blanks() {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::words::is_reserved;
+use crate::words::{is_reserved, number, word};
 
 /// What a token is, as far as blanks depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,31 +65,9 @@ fn measure(text: &str) -> (usize, Kind) {
     match first {
         '"' => (text[1..].find('"').map_or(text.len(), |end| end + 2), Kind::Text),
         _ if first.is_ascii_digit() => (number(text), Kind::Number),
-        // A degree sign begins a unit.
-        '\u{b0}' => (text[2..].find(|c: char| !c.is_ascii_alphanumeric()).map_or(text.len(), |end| end + 2), Kind::Word),
-        _ if first.is_ascii_alphabetic() || first == '_' => {
-            let end = text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len());
-            // `mol%` is a unit of its own; a blank in between makes it another.
-            (end + usize::from(text[end..].starts_with('%')), Kind::Word)
-        }
+        _ if word(text) > 0 => (word(text), Kind::Word),
         _ => (PAIRS.iter().find(|pair| text.starts_with(**pair)).map_or(first.len_utf8(), |pair| pair.len()), Kind::Symbol),
     }
-}
-
-fn number(text: &str) -> usize {
-    let digits = |from: usize| text[from..].bytes().take_while(u8::is_ascii_digit).count();
-    let mut end = digits(0);
-    if text[end..].starts_with('.') && digits(end + 1) > 0 {
-        end += 1 + digits(end + 1);
-    }
-    if text[end..].starts_with(['e', 'E']) {
-        let sign = usize::from(text[end + 1..].starts_with(['+', '-']));
-        let exponent = digits(end + 1 + sign);
-        if exponent > 0 {
-            end += 1 + sign + exponent;
-        }
-    }
-    end
 }
 
 fn classify_operators(tokens: &mut [Token<'_>]) {
