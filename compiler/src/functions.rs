@@ -158,6 +158,11 @@ pub(crate) fn steady_len(model: &Model) -> usize {
     model.interface.steady.as_ref().map_or(0, |steady| steady.fixed.len() + steady.conditions as usize)
 }
 
+/// Number of conditions at the start.
+pub(crate) fn start_conditions(model: &Model) -> usize {
+    model.interface.start_conditions.iter().map(|condition| condition.count as usize).sum()
+}
+
 /// Length of the output of `finish`.
 pub(crate) fn finish_len(model: &Model) -> usize {
     model.interface.finish.layout().total()

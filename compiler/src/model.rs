@@ -16,7 +16,7 @@ mod settings;
 
 pub use interface::{
     AlgebraicCounts, Alternatives, BoxItem, Choice, Draw, Failure, Finish, FinishLayout, Instant, Interface, Invariant, Observed, Port,
-    PortMember, Quantities, Reward, Steady, Time, Variant, Variate,
+    PortMember, Quantities, Reward, StartCondition, Steady, Time, Variant, Variate,
 };
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};
@@ -146,6 +146,8 @@ pub struct Programs {
     pub initial_discretes: Program,
     /// The steady problem: out = one value an action element, then one a state of [`Steady::fixed`].
     pub steady: Program,
+    /// Conditions at the start: out = left less right side of each.
+    pub start_conditions: Program,
     /// Next values of the disturbances (in place).
     pub disturb: Program,
     /// `at start`: updates and resets (in place).
@@ -174,6 +176,7 @@ impl Programs {
             ("initial_states", &self.initial_states),
             ("initial_discretes", &self.initial_discretes),
             ("steady", &self.steady),
+            ("start_conditions", &self.start_conditions),
             ("disturb", &self.disturb),
             ("start", &self.start),
             ("end", &self.end),

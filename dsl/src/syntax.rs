@@ -76,6 +76,10 @@ pub enum StatementKind {
     Connect { chain: Vec<Expr>, binders: Vec<Binder> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
+    /// `initial eq p = 2 [bar] free n`, `initial d/dt T = 0 for z`: a condition at the start
+    StartEquation { lhs: Expr, rhs: Expr, free: Vec<Expr>, binders: Vec<Binder> },
+    /// `initial steady for (T, c)`: rates that are zero at the start
+    StartSteady { targets: Vec<Expr> },
     /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`
     Steady { entries: Vec<(Expr, Expr)> },
     /// `observe c_A, T` or `observe pH = -log10(H) in 0..16`

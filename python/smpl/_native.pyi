@@ -51,7 +51,14 @@ class ScenarioError(ValueError):
     """The scenario, a variant or a setting is at fault."""
 
 class SimulationError(RuntimeError):
-    """The equations could not be solved where there is no episode that could fail."""
+    """The equations could not be solved where there is no episode that could fail.
+
+    ``start`` is the report of a start without a solution, None otherwise: a mapping with ``block`` (number, count), ``unknowns`` (name, unit, guess,
+    value, bounds), ``equations`` (equation, residual), ``tried`` (method, iterations, residual, outside_bounds), ``at_bounds``, ``badly_scaled``,
+    ``other_solutions`` (outside of the bounds, in the order of the unknowns) and ``help``.
+    """
+
+    start: dict[str, Any] | None
 
 class Model:
     """A compiled model."""

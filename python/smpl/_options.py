@@ -21,7 +21,8 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
 
     Args:
         model: the model that the names belong to.
-        options: `state` (mapping from names, or array in the order of states), `discrete`, `parameters` (mappings; an
+        options: `state` (mapping from names of states, and of algebraic variables whose guesses it gives, or array in the
+            order of states), `discrete`, `parameters` (mappings; an
             array of parameters by its name, with one value or one for each element, or element by element),
             `disturbances` (name -> one value a step, or one number for all), `hold_disturbances` (the last value holds
             where a record has ended; otherwise a step beyond it is an error), `start` (`sampled`, `nominal` or
@@ -56,7 +57,7 @@ def _state(model: Model, given: Any) -> dict[str, float] | FloatArray | None:
     if given is None:
         return None
     if isinstance(given, Mapping):
-        return _named("state", given, model.state_names)
+        return _named("state", given, model.unknown_names)
     values = as_vector("options['state']", given, len(model.state_names))
     _check_finite("state", values)
     return values

@@ -6,8 +6,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use smpl_runtime::environment::{ResetError, StepError};
 use smpl_runtime::setup::SetupError;
+use smpl_runtime::start::StartFailure;
 
 create_exception!(smpl, CompileError, PyException, "The model is at fault; `diagnostics` says where and why.");
 create_exception!(smpl, ScenarioError, PyValueError, "The scenario, a variant or a setting is at fault.");
@@ -129,12 +131,56 @@ pub fn setup_error(error: &SetupError) -> PyErr {
     }
 }
 
-/// The exception of an episode that cannot begin.
+/// The exception of an episode that cannot begin; its attribute `start` has the report of a start without a solution.
 pub fn reset_error(error: &ResetError) -> PyErr {
     match error {
+        ResetError::Inconsistent { start: Some(failure), .. } => Python::attach(|py| {
+            let exception = SimulationError::new_err(error.to_string());
+            match report(py, failure).and_then(|report| exception.value(py).setattr("start", report)) {
+                Ok(()) => exception,
+                Err(other) => other,
+            }
+        }),
         ResetError::Steady(_) | ResetError::Inconsistent { .. } | ResetError::Interrupted => SimulationError::new_err(error.to_string()),
         _ => PyValueError::new_err(error.to_string()),
     }
+}
+
+/// The report of a start without a solution as a mapping.
+fn report<'py>(py: Python<'py>, failure: &StartFailure) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    out.set_item("block", failure.block)?;
+    let unknowns = failure.unknowns.iter().map(|u| {
+        let item = PyDict::new(py);
+        item.set_item("name", &u.name)?;
+        item.set_item("unit", &u.unit)?;
+        item.set_item("guess", u.guess)?;
+        item.set_item("value", u.value)?;
+        item.set_item("bounds", (u.low, u.high))?;
+        Ok(item)
+    });
+    out.set_item("unknowns", unknowns.collect::<PyResult<Vec<_>>>()?)?;
+    let equations = failure.equations.iter().map(|e| {
+        let item = PyDict::new(py);
+        item.set_item("equation", &e.text)?;
+        item.set_item("residual", e.residual)?;
+        Ok(item)
+    });
+    out.set_item("equations", equations.collect::<PyResult<Vec<_>>>()?)?;
+    let tried = failure.tried.iter().map(|t| {
+        let item = PyDict::new(py);
+        item.set_item("method", &t.way)?;
+        item.set_item("iterations", t.iterations)?;
+        item.set_item("residual", t.residual)?;
+        item.set_item("outside_bounds", t.solved)?;
+        Ok(item)
+    });
+    out.set_item("tried", tried.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("at_bounds", &failure.at_bounds)?;
+    out.set_item("badly_scaled", &failure.badly_scaled)?;
+    out.set_item("other_solutions", failure.outside.iter().map(|x| x.to_vec()).collect::<Vec<_>>())?;
+    out.set_item("help", &failure.help)?;
+    Ok(out)
 }
 
 /// Runs `work`; a panic in it becomes an exception.

@@ -38,7 +38,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CompileError", py.get_type::<errors::CompileError>())?;
     module.add("ScenarioError", py.get_type::<errors::ScenarioError>())?;
-    module.add("SimulationError", py.get_type::<errors::SimulationError>())?;
+    let simulation_error = py.get_type::<errors::SimulationError>();
+    simulation_error.setattr("start", py.None())?;
+    module.add("SimulationError", simulation_error)?;
     module.add_function(wrap_pyfunction!(rules::on_steps, module)?)?;
     module.add_class::<errors::Diagnostic>()?;
     module.add_class::<errors::RelatedPlace>()?;

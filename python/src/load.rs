@@ -141,6 +141,7 @@ pub fn statistics<'py>(py: Python<'py>, statistics: &Statistics) -> PyResult<Bou
         ("linear_solves", statistics.linear_solves),
         ("error_test_failures", statistics.error_test_failures),
         ("nonlinear_failures", statistics.nonlinear_failures),
+        ("retries", statistics.retries),
         ("not_finite", statistics.not_finite),
         ("restarts", statistics.restarts),
     ] {

@@ -102,6 +102,8 @@ pub struct Environment {
     setup: Arc<Setup>,
     system: CompiledSystem,
     integrator: Box<dyn Integrator>,
+    /// Of the other implicit method, made where a step fails first.
+    spare: Option<Box<dyn Integrator>>,
     progress: Progress,
     sensors: Sensors,
     /// Disturbances that replace drawn ones.
@@ -159,6 +161,7 @@ impl Environment {
         Self {
             integrals: vec![0.0; system.region(Region::Quadrature).len()],
             integrator: Box::new(Absent),
+            spare: None,
             finish: Finish::new(ends.layout()),
             scratch: vec![0.0; unknowns],
             statistics: Statistics::default(),
@@ -323,6 +326,11 @@ impl Environment {
     #[must_use]
     pub fn time(&self) -> f64 {
         self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)
+    }
+
+    /// Numbers of the root functions that fired in the last step.
+    pub fn happened(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.firings.each.len()).filter(|&index| self.firings.each[index].time.is_finite())
     }
 
     /// Whether a step may be taken without a reset.

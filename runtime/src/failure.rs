@@ -231,7 +231,7 @@ pub(crate) fn describe_solver(
         Cause::NotFinite => subject("became NaN"),
         Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),
         Cause::TooManySteps => {
-            let text = subject("took more internal steps than `solver { max_steps }` allows");
+            let text = subject("took more internal steps than `solver { max_steps }` (the setting `max_internal_steps`) allows");
             match failure.event.and_then(|event| model.roots_info().get(event)) {
                 Some(event) => format!("{text}, at the threshold of `{}`: the equations may turn round there, from both sides", event.name),
                 None => text,

@@ -2,8 +2,9 @@
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions, rewards and failures; [`batch`] runs many instances on
 //! several threads, [`rollout`] many action sequences from given states; [`sensitivity`] differentiates steps; [`steady`], [`linearize`] and [`spectrum`] find and describe points of rest;
-//! [`trajectory`] reads and writes tables, [`picture`] draws them, [`files`] writes anything; [`load`] goes from a file to a model ready to run; [`import`] makes text of models of other tools;
-//! [`interrupt`] stops what takes long; [`cli`] is the command `smpl`.
+//! [`start`] solves for the start of an episode;
+//! [`trajectory`] reads and writes tables, [`files`] writes anything; [`load`] goes from a file to a model ready to run; [`interrupt`] stops long
+//! computations.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
@@ -11,6 +12,7 @@
 
 pub mod batch;
 pub mod catalogue;
+pub mod diagnose;
 pub mod environment;
 pub mod failure;
 pub mod files;
@@ -18,6 +20,7 @@ pub mod interrupt;
 mod inverse;
 pub mod linearize;
 pub mod load;
+mod newton;
 pub mod observe;
 pub mod pool;
 pub mod random;
@@ -28,6 +31,7 @@ pub mod sensitivity;
 pub mod setup;
 pub mod solver;
 pub mod spectrum;
+pub mod start;
 pub mod steady;
 pub mod system;
 pub mod trajectory;

@@ -20,6 +20,7 @@ use self::reads::{
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};
+use crate::start::{Conflict, Freed};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
@@ -60,6 +61,9 @@ pub enum SetupError {
     /// The steady state that the model starts from was not found.
     #[error("steady state: {0}")]
     Steady(#[from] SteadyError),
+    /// The conditions at the start determine too much.
+    #[error(transparent)]
+    Start(#[from] Conflict),
 }
 
 /// One stream of random numbers, ready to be drawn from.
@@ -140,12 +144,15 @@ pub struct Setup {
     pub(crate) max_steps: u32,
     /// Most events within one step.
     pub max_events: u32,
+    retry: bool,
     pub(crate) programs: Programs,
     pub(crate) sources: Option<Arc<SourceMap>>,
     pub(crate) noise: Vec<f64>,
     /// Place of the number of the phase, where there is a schedule.
     pub phase: Option<usize>,
     pub(crate) steady: Steady,
+    /// The states that conditions at the start determine.
+    pub freed: Freed,
     /// Made when it is first asked for.
     checksum: OnceLock<Result<[u8; 32], String>>,
 }
@@ -154,6 +161,25 @@ impl Setup {
     /// An integrator for instances.
     pub(crate) fn integrator(&self) -> Result<Box<dyn Integrator>, SolveError> {
         integrator(&self.system, self.settings.clone())
+    }
+
+    /// The implicit method that does not take the steps, if the model takes it and steps may be repeated.
+    pub(crate) fn other_method(&self) -> Option<Method> {
+        if !self.retry {
+            return None;
+        }
+        let other = match self.settings.method {
+            Method::Ida => Method::Rosenbrock,
+            Method::Auto if !self.model().explicit() => Method::Rosenbrock,
+            _ => Method::Ida,
+        };
+        check_method(self.model(), &self.catalogue, other).is_ok().then_some(other)
+    }
+
+    /// An integrator of the other implicit method.
+    pub(crate) fn other_integrator(&self) -> Option<Box<dyn Integrator>> {
+        let settings = Settings { method: self.other_method()?, ..self.settings.clone() };
+        integrator(&self.system, settings).ok()
     }
 
     /// Prepares a model. `sources` are the texts that it was compiled from, for messages.
@@ -206,12 +232,15 @@ impl Setup {
             return Err(SetupError::Value { what: "max_steps".into(), expected: "at least 1", value: "0".into() });
         }
         let has_phases = !interface.phases.is_empty();
+        let mut system = CompiledSystem::new(model.clone())?;
         let mut setup = Self {
             settings,
+            freed: Freed::choose(&mut system, &catalogue, sources.as_deref())?,
             draws: draws(&model),
             reward,
             max_steps,
             max_events: asked.max_events,
+            retry: asked.retry,
             programs: Programs::of(&model),
             sources,
             noise,
@@ -220,7 +249,7 @@ impl Setup {
             steady: Steady { needed: needs_steady, by_step: step_reads_steady(&model), missing: None },
             catalogue,
             options,
-            system: CompiledSystem::new(model)?,
+            system,
         };
         setup.prepare_nominal(needs_steady)?;
         Ok(Arc::new(setup))

@@ -142,6 +142,13 @@ impl CompiledSystem {
         }
     }
 
+    /// The residual with nonnegative states at zero or above.
+    #[inline(never)]
+    fn residual_seen(&mut self, t: f64, (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
+        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        self.model.residual(&mut self.memory, t, y, yp, out);
+    }
+
     /// Copies one region over another of the same length.
     pub fn copy(&mut self, from: Region, to: Region) {
         let (from, to) = (self.memory.layout().range(from), self.memory.layout().range(to));
@@ -224,7 +231,9 @@ impl System for CompiledSystem {
     }
 
     fn residual(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
-        let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        if self.seen.is_some() {
+            return self.residual_seen(t, (y, yp), out);
+        }
         self.model.residual(&mut self.memory, t, y, yp, out);
     }
 

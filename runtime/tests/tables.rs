@@ -119,9 +119,11 @@ fn initial_values_are_states_and_discrete_variables() {
     let path = folder("initial").join("i.csv");
     let env = make();
     std::fs::write(&path, "X_A,elapsed,S\n0.5,7,\n").expect("writes");
-    let (states, discretes) = read_initial(&path, env.catalogue()).expect("reads");
-    assert_eq!((states["X_A"], discretes["elapsed"], states.len()), (0.5, 7.0, 1));
+    let initial = read_initial(&path, env.catalogue()).expect("reads");
+    assert_eq!((initial.unknowns["X_A"], initial.discretes["elapsed"], initial.unknowns.len()), (0.5, 7.0, 1));
+    std::fs::write(&path, "name,unit,value\nX_A,g,0.5\nelapsed,h,7\n").expect("writes");
+    assert_eq!(read_initial(&path, env.catalogue()).expect("reads"), initial);
     std::fs::write(&path, "X_B\n0.5\n").expect("writes");
     let message = read_initial(&path, env.catalogue()).expect_err("unknown").to_string();
-    assert!(message.contains("unknown state or discrete variable `X_B`"), "{message}");
+    assert!(message.contains("unknown state, algebraic or discrete variable `X_B`"), "{message}");
 }

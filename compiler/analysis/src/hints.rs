@@ -56,6 +56,7 @@ impl Hints<'_> {
                 | StatementKind::Connect { binders, .. }
                 | StatementKind::Next { binders, .. }
                 | StatementKind::Reset { binders, .. }
+                | StatementKind::StartEquation { binders, .. }
                 | StatementKind::Initial { binders, .. } => self.binders(binders, within),
                 StatementKind::Component { name, body, .. } => {
                     let component = self.program.symbols().find(None, true, &name.text);

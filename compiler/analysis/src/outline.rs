@@ -147,7 +147,8 @@ fn expressions<'s>(statement: &'s Statement, visit: &mut dyn FnMut(&'s Expr)) {
         | StatementKind::Success { condition, .. }
         | StatementKind::Constraint { condition, .. }
         | StatementKind::Event { condition, .. } => walk(vec![condition]),
-        StatementKind::Initial { target, value, .. }
+        StatementKind::StartEquation { lhs: target, rhs: value, .. }
+        | StatementKind::Initial { target, value, .. }
         | StatementKind::Next { target, value, .. }
         | StatementKind::Reset { target, value, .. } => {
             walk(vec![target, value]);

@@ -31,7 +31,11 @@ pub(crate) const STATEMENTS: &[(&str, &str, &str)] = &[
     ("component", "declares a unit that can be used many times", "component ${1:Name} \"${2:text}\" {\n  $0\n}"),
     ("port", "declares the ports of a component", "port ${1:inlet, outlet} : ${2:Stream}"),
     ("connect", "connects ports", "connect ${1:A.outlet} -> ${2:B.inlet}"),
-    ("initial", "sets or draws the start of a state", "initial ${1:x} ~ ${2:uniform(0.5, 1.5)}"),
+    (
+        "initial",
+        "sets or draws the start of a state, or states a condition at the start: `initial eq p = 2 [bar]`",
+        "initial ${1:x} ~ ${2:uniform(0.5, 1.5)}",
+    ),
     ("steady", "sets actions and states of the steady state", "steady { ${1:u} = ${2:0} }"),
     ("observe", "lists what the agent observes", "observe ${1:x}"),
     ("level", "names a set of observations", "level ${1:online} \"${2:text}\" {\n  observe ${3:x}\n}"),

@@ -215,6 +215,12 @@ impl Resolver<'_> {
                 self.exprs([target, value]);
                 self.clip(clip.as_ref());
             }
+            StatementKind::StartEquation { lhs, rhs, free, binders } => {
+                self.binders(binders);
+                self.exprs([lhs, rhs]);
+                self.exprs(free);
+            }
+            StatementKind::StartSteady { targets } => self.exprs(targets),
             StatementKind::Steady { entries } | StatementKind::Policy { entries, .. } => {
                 entries.iter().for_each(|(target, value)| self.exprs([target, value]));
             }

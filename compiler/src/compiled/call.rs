@@ -1,7 +1,7 @@
 //! The functions of a compiled model, with their lengths checked.
 
 use super::CompiledModel;
-use crate::functions::{Function, finish_len, steady_len};
+use crate::functions::{Function, finish_len, start_conditions, steady_len};
 use crate::interpret::{Tape, View};
 use crate::layout::Memory;
 
@@ -208,6 +208,13 @@ impl CompiledModel {
         let expected = self.actions_len() + steady_len(self.model());
         assert_eq!(out.len(), expected, "numbers of the steady problem");
         self.interpret(&self.tapes.steady, m, 0.0, y, &[], out);
+    }
+
+    /// Left less right side of each condition at the start, at time `t` and the unknowns `y`.
+    pub fn start_conditions(&self, m: &mut Memory, t: f64, y: &mut [f64], out: &mut [f64]) {
+        self.check(m, y, y);
+        assert_eq!(out.len(), start_conditions(self.model()), "conditions at the start");
+        self.interpret(&self.tapes.start_conditions, m, t, y, &[], out);
     }
 
     /// Runs an event program in place.

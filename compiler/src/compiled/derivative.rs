@@ -17,6 +17,8 @@ pub enum Derived {
     Observations,
     /// The conditions on the steady state; rows in their order.
     SteadyConditions,
+    /// The conditions at the start; rows in their order.
+    StartConditions,
 }
 
 /// What it is differentiated with respect to; columns are positions in the region of that role.
@@ -83,6 +85,7 @@ impl CompiledModel {
                 let first = model.interface.finish.layout().observations.start as i64;
                 output_rows(&model.programs.finish, first)
             }
+            Derived::StartConditions => output_rows(&model.programs.start_conditions, 0),
             Derived::SteadyConditions => {
                 let first = model.programs.steady.nests.iter().map(|n| n.stores.len()).sum::<usize>() as i64;
                 output_rows(

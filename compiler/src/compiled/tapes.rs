@@ -1,7 +1,7 @@
 //! Functions that are interpreted: what runs rarely.
 
 use super::parts::{BackEndError, Parts};
-use crate::functions::{elements, steady_len};
+use crate::functions::{elements, start_conditions, steady_len};
 use crate::interpret::Tape;
 use crate::ir::Program;
 use crate::layout::Layout;
@@ -15,6 +15,7 @@ pub(super) struct Tapes {
     pub(super) initial_states: Tape,
     pub(super) initial_discretes: Tape,
     pub(super) steady: Tape,
+    pub(super) start_conditions: Tape,
     pub(super) invariants: Tape,
     pub(super) boxes: Tape,
     pub(super) events: Vec<Tape>,
@@ -38,6 +39,7 @@ impl Tapes {
             initial_states: program("initial_states", &programs.initial_states, true, false, 0)?,
             initial_discretes: program("initial_discretes", &programs.initial_discretes, true, false, 0)?,
             steady: program("steady", &programs.steady, true, false, steady)?,
+            start_conditions: program("start_conditions", &programs.start_conditions, true, false, start_conditions(model))?,
             invariants: program("invariants", &programs.invariants, true, true, 2 * model.interface.invariants.len())?,
             boxes: program("boxes", &programs.boxes, true, true, boxed)?,
             events: programs.events.iter().map(|p| program("event", p, true, false, 0)).collect::<Result<_, _>>()?,

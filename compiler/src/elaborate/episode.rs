@@ -22,6 +22,7 @@ mod positions;
 mod ranges;
 mod rewards;
 mod settings;
+mod starts;
 mod together;
 mod unknown;
 
@@ -55,6 +56,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let parameters = parameters::parameter_program(l);
     let steady = initial::steady_program(l, blocks);
     let (initial_states, initial_discretes) = initial::initial_programs(l, blocks);
+    let (conditions, start_conditions) = starts::start_conditions(l, blocks);
     let disturb = parameters::disturbance_program(l);
     let mut instants = instants::instant_programs(l, blocks);
     phases::schedule_programs(l, &mut instants);
@@ -68,6 +70,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         initial_states,
         initial_discretes,
         steady: steady.program,
+        start_conditions: conditions,
         disturb,
         start: instants.start,
         end: instants.end,
@@ -88,6 +91,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         finish: ending.finish,
         invariants,
         steady: (steady.said || l.hidden.steady).then_some(steady.problem),
+        start_conditions,
         start_resets: instants.start_resets,
         alternatives: Alternatives { levels: ending.levels, ..Alternatives::default() },
         ..Interface::default()

@@ -89,33 +89,7 @@ fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Exp
     l.ledger.reports.statement = span;
     let before = l.ledger.reports.diagnostics.len();
     let pieces = nests::looped_nest(l, binders, &place, &mut |s, inner| {
-        let left = s.value(lhs, inner);
-        let right = s.value(rhs, inner);
-        if left.is_poison() || right.is_poison() {
-            s.ledger.speculation.refuse();
-            return None;
-        }
-        let (left, right) = match (&left.unit, &right.unit) {
-            (Measure::Truth, _) | (_, Measure::Truth) => {
-                s.ledger.report(
-                    Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
-                        .help("write `if condition then 1 else 0`"),
-                );
-                return None;
-            }
-            (m, n) if m.is_zero() || n.is_zero() => (left.expr, right.expr),
-            (m, n) => {
-                let (ul, ur) = (m.unit(), n.unit());
-                s.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
-                match s.values().convert(right.expr, &ur, &ul) {
-                    Some(converted) => (left.expr, converted),
-                    None => {
-                        s.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
-                        return None;
-                    }
-                }
-            }
-        };
+        let (left, right) = sides(s, (lhs, rhs), inner, span)?;
         let form = form(s, left, right);
         let runs = inner.runs();
         if runs != 0 && !(may_loop(s, form) && shares_sums(s, form, runs, inner.depth)) {
@@ -128,6 +102,42 @@ fn equation(l: &mut Lowering<'_, '_>, scope: ScopeId, (lhs, rhs, binders): (&Exp
     for piece in pieces {
         if let Some((form, runs)) = piece.value {
             out.push(Equation { extents: piece.extents, runs, repeats: None, form, span });
+        }
+    }
+}
+
+/// The sides of an equation in one unit; `None` where they have none in common.
+pub(in crate::elaborate) fn sides(
+    l: &mut Lowering<'_, '_>,
+    (lhs, rhs): (&Expr, &Expr),
+    place: &Place,
+    span: Span,
+) -> Option<(ExprId, ExprId)> {
+    let left = l.value(lhs, place);
+    let right = l.value(rhs, place);
+    if left.is_poison() || right.is_poison() {
+        l.ledger.speculation.refuse();
+        return None;
+    }
+    match (&left.unit, &right.unit) {
+        (Measure::Truth, _) | (_, Measure::Truth) => {
+            l.ledger.report(
+                Diagnostic::error(codes::WRONG_KIND, "an equation has a number on each side, this is a condition", span)
+                    .help("write `if condition then 1 else 0`"),
+            );
+            None
+        }
+        (m, n) if m.is_zero() || n.is_zero() => Some((left.expr, right.expr)),
+        (m, n) => {
+            let (ul, ur) = (m.unit(), n.unit());
+            l.values().warn_of_scale((&left, lhs.span), (&right, rhs.span));
+            match l.values().convert(right.expr, &ur, &ul) {
+                Some(converted) => Some((left.expr, converted)),
+                None => {
+                    l.ledger.report(units::sides(&ul, lhs.span, &ur, rhs.span));
+                    None
+                }
+            }
         }
     }
 }

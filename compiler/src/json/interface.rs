@@ -9,7 +9,7 @@ use super::write::families;
 use crate::ir::{Role, VarId};
 use crate::model::{
     AlgebraicCounts, Axis, BoxItem, Choice, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed, Port, PortMember,
-    Quantities, Quantity, Reward, Solver, Steady, Time, Variable, Variant,
+    Quantities, Quantity, Reward, Solver, StartCondition, Steady, Time, Variable, Variant,
 };
 
 type Vars = PrimaryMap<VarId, Variable>;
@@ -41,6 +41,7 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     i.start_resets = root.field("start_resets")?.flag()?;
     i.finish = finish(&root.field("finish")?)?;
     i.steady = steady(&root.field("steady")?, &i.quantities.states)?;
+    i.start_conditions = root.maybe("start_conditions")?.map_or_else(|| Ok(Vec::new()), |at| at.list(start_condition))?;
     i.episode = episode(&root.field("episode")?)?;
     i.solver = solver(&root.field("solver")?)?;
     i.alternatives.variants = root.field("variants")?.list(|at| {
@@ -286,6 +287,12 @@ fn steady(at: &At<'_>, states: &[Quantity]) -> Result<Option<Steady>, ReadError>
     Ok(Some(Steady { fixed, conditions, given: at.field("given")?.flag()? }))
 }
 
+fn start_condition(at: &At<'_>) -> Result<StartCondition, ReadError> {
+    at.only(&["count", "free", "only"])?;
+    let count = at.field("count")?.count(MAX_ELEMENTS as u32)?;
+    Ok(StartCondition { count, free: texts(&at.field("free")?)?, only: at.field("only")?.flag()?, ..StartCondition::default() })
+}
+
 fn positive(at: &At<'_>, name: &str) -> Result<f64, ReadError> {
     at.field(name)?.number_that("positive and finite", |x| x > 0.0 && x.is_finite())
 }
@@ -318,6 +325,7 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         "max_steps",
         "max_events",
         "max_step",
+        "retry",
         "algebraic_error_control",
         "quadrature_error_control",
         "linear_solver",
@@ -337,6 +345,7 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         max_steps: at.field("max_steps")?.count(u32::MAX)?.max(1),
         max_events: at.field("max_events")?.count(u32::MAX)?,
         max_step: at.field("max_step")?.number_or(f64::INFINITY)?,
+        retry: at.maybe("retry")?.map_or(Ok(true), |at| at.flag())?,
         algebraic_error_control: at.field("algebraic_error_control")?.flag()?,
         quadrature_error_control: at.field("quadrature_error_control")?.flag()?,
         linear_solver: at.field("linear_solver")?.word()?,

@@ -26,10 +26,10 @@ pub struct Read {
 }
 
 #[rustfmt::skip]
-const FIELDS: [&str; 32] = [
+const FIELDS: [&str; 33] = [
     "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "ports", "grids", "state_order",
     "algebraic", "elements", "expressions", "equations", "events", "integrals", "programs", "policies", "finish", "draws", "levels", "phases", "invariants",
-    "steady", "start_resets", "episode", "solver", "variants", "choices",
+    "steady", "start_conditions", "start_resets", "episode", "solver", "variants", "choices",
 ];
 
 /// Reads a model that [`print`](super::print) wrote, or another program in the same form.
@@ -226,6 +226,7 @@ fn programs(root: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Programs, Rea
         initial_states: one("initial_states")?,
         initial_discretes: one("initial_discretes")?,
         steady: one("steady")?,
+        start_conditions: if at.maybe("start_conditions")?.is_some() { one("start_conditions")? } else { Program::default() },
         disturb: one("disturb")?,
         start: one("start")?,
         end: one("end")?,

@@ -57,6 +57,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "phases": i.phases,
         "invariants": i.invariants.iter().map(|x| json!({"name": x.name, "text": x.text})).collect::<Vec<_>>(),
         "steady": steady(i, &families),
+        "start_conditions": i.start_conditions.iter().map(|c| json!({"count": c.count, "free": c.free, "only": c.only})).collect::<Vec<_>>(),
         "start_resets": i.start_resets,
         "episode": i.episode,
         "solver": solver(i),

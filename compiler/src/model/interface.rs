@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
+use smpl_dsl::span::Span;
 
 use super::{Episode, Grid, Quantity, Solver};
 
@@ -31,6 +32,8 @@ pub struct Interface {
     pub invariants: Vec<Invariant>,
     /// The steady problem, where a `steady` block exists or `steady()` is used.
     pub steady: Option<Steady>,
+    /// Conditions at the start of an episode, in the order of the program `start_conditions`.
+    pub start_conditions: Vec<StartCondition>,
     /// Some `at start` program resets states.
     pub start_resets: bool,
     /// Episode settings.
@@ -175,6 +178,19 @@ pub struct Steady {
     pub conditions: u32,
     /// The steady state is given in full, nothing is solved.
     pub given: bool,
+}
+
+/// Conditions at the start, `initial eq p = 2 [bar] for z`: as many states as there are conditions become unknowns of the start.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StartCondition {
+    /// Source of the statement.
+    pub span: Span,
+    /// Number of conditions: elements of its loops.
+    pub count: u32,
+    /// Elements of states that become unknowns first, by name: those of `free`, or those whose rate is given.
+    pub free: Vec<String>,
+    /// No other state may become an unknown.
+    pub only: bool,
 }
 
 /// What can be chosen of a model, and what was.

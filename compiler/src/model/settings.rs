@@ -40,6 +40,8 @@ pub struct Solver {
     pub max_events: u32,
     /// Longest internal step, in units of time; infinite where nothing bounds it.
     pub max_step: f64,
+    /// A control step that the method fails in is repeated once with the other implicit method.
+    pub retry: bool,
     /// Algebraic variables enter the error test, whether integrals and events look at them or not.
     pub algebraic_error_control: bool,
     /// Quadratures enter the error test.
@@ -174,6 +176,7 @@ impl Default for Solver {
             max_steps: 20_000,
             max_events: 1000,
             max_step: f64::INFINITY,
+            retry: true,
             algebraic_error_control: false,
             quadrature_error_control: true,
             linear_solver: LinearSolver::default(),

@@ -12,6 +12,7 @@ macro_rules! all_programs {
             initial_states,
             initial_discretes,
             steady,
+            start_conditions,
             disturb,
             start,
             end,
@@ -22,7 +23,20 @@ macro_rules! all_programs {
             events,
             policies,
         } = $programs;
-        let single = [parameters, initial_states, initial_discretes, steady, disturb, start, end, finish, outputs, invariants, boxes];
+        let single = [
+            parameters,
+            initial_states,
+            initial_discretes,
+            steady,
+            start_conditions,
+            disturb,
+            start,
+            end,
+            finish,
+            outputs,
+            invariants,
+            boxes,
+        ];
         single.into_iter().chain(events).chain(policies.$iter().map(|(_, program)| program))
     }};
 }

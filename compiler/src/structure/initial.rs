@@ -15,7 +15,21 @@ pub(crate) fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
     let (nests, mut faults) = ordered_initial(nests, &model.exprs, &model.vars);
     model.programs.initial_states.nests = nests;
     faults.extend(circular(model));
+    faults.extend(coupled_rates(model));
     if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// Conditions at the start that read a rate which equations give together with other rates only.
+fn coupled_rates(model: &Model) -> Vec<Diagnostic> {
+    let conditions = model.programs.start_conditions.nests.iter().zip(&model.interface.start_conditions);
+    let coupled = conditions.filter(|(nest, _)| nest.stores.iter().any(|store| model.exprs.has_derivative(store.value)));
+    coupled
+        .map(|(_, condition)| {
+            let text = "this condition at the start reads a rate that the equations give only together with other rates";
+            Diagnostic::error(codes::WRONG_KIND, text, condition.span)
+                .help("solve the equations for the rate, or state the condition without it")
+        })
+        .collect()
 }
 
 /// Scalars whose initial value needs an algebraic unknown that is solved for with it.

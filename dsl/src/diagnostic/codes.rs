@@ -114,6 +114,7 @@ registry! {
     START_OUTSIDE_BOUNDS "W0602-start-outside-bounds" "a state whose initial value lies outside of its declared bounds"
     INCOMPLETE_STEADY "W0603-incomplete-steady" "a `steady` block that leaves actions at their nominal values without saying so"
     NO_EPISODE "W0604-no-episode" "a model without an `episode` block: sampling interval and time limit are defaults"
+    NO_BOX "W0605-unbounded-observation" "an observation without bounds: learners need a finite box"
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use pest::iterators::Pair;
 
 use super::declaration::{arguments, fill};
 use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
+use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, Statement, StatementKind};
 
 /// The rule of a statement of the control problem.
@@ -49,12 +50,49 @@ pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec
 }
 
 fn initial(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    if let Some(steady) = children.take(Rule::start_steady) {
+        return start_steady(context, Children::new(steady), &mut children);
+    }
+    if let Some(equation) = children.take(Rule::start_equation) {
+        return start_equation(context, Children::new(equation), &mut children);
+    }
     let target = expression::place(context, children.expect(context, Rule::place)?)?;
     let random = children.skip(Rule::tilde);
     children.skip(Rule::equals);
     let value = expression::expr(context, children.expect(context, Rule::expr)?)?;
     let clip = declaration::clip(context, &mut children)?;
     Ok(StatementKind::Initial { target, random, value, clip, binders: expression::for_clause(context, &mut children)? })
+}
+
+/// `steady for (T, c)`; a loop over the places is not needed, since a name stands for the whole array.
+fn start_steady(context: &Context<'_>, mut steady: Children<'_>, rest: &mut Children<'_>) -> Fallible<StatementKind> {
+    steady.skip(Rule::kw_steady);
+    steady.skip(Rule::kw_for);
+    let targets = start_places(context, steady.expect(context, Rule::start_places)?)?;
+    match rest.take(Rule::for_clause) {
+        None => Ok(StatementKind::StartSteady { targets }),
+        Some(clause) => {
+            let fault = Diagnostic::error(codes::SYNTAX, "`initial steady for` takes no loop", context.span(&clause));
+            Err(Box::new(fault.help("name the whole array, or write `initial d/dt x[i] = 0 for i in set`")))
+        }
+    }
+}
+
+/// `eq p = 2 [bar] free n for z`
+fn start_equation(context: &Context<'_>, mut equation: Children<'_>, rest: &mut Children<'_>) -> Fallible<StatementKind> {
+    equation.skip(Rule::kw_eq);
+    let lhs = expression::expr(context, equation.expect(context, Rule::expr)?)?;
+    equation.skip(Rule::equals);
+    let rhs = expression::expr(context, equation.expect(context, Rule::expr)?)?;
+    let free = match equation.skip(Rule::kw_free) {
+        true => start_places(context, equation.expect(context, Rule::start_places)?)?,
+        false => Vec::new(),
+    };
+    Ok(StatementKind::StartEquation { lhs, rhs, free, binders: expression::for_clause(context, rest)? })
+}
+
+fn start_places(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<Expr>> {
+    pair.into_inner().filter(|part| part.as_rule() == Rule::place).map(|part| expression::place(context, part)).collect()
 }
 
 /// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`.

@@ -39,7 +39,10 @@ impl Environment {
         self.prepare(action);
         // An update may have left nothing to integrate.
         let broken = self.setup.programs.has_start && self.broken_variable().is_some();
-        let outcome = if broken { Outcome::Broken } else { self.integrate() };
+        let mut outcome = if broken { Outcome::Broken } else { self.integrate() };
+        if outcome == Outcome::Solver && self.may_retry() {
+            outcome = self.retry(action);
+        }
         match outcome {
             Outcome::Solver => {
                 self.go_back();
@@ -52,6 +55,36 @@ impl Environment {
                     self.run_end();
                 }
             }
+        }
+        outcome
+    }
+
+    /// Returns whether the other implicit method may take the step: the failure is one of a method, and the model takes both.
+    fn may_retry(&self) -> bool {
+        let cause = self.progress.verdict.solver_failure.map(|failure| failure.cause);
+        let of_method = matches!(cause, Some(Cause::NoConvergence | Cause::Singular | Cause::Inconsistent | Cause::Other(_)));
+        of_method && self.trace.is_none() && self.drifts.is_empty() && self.setup.other_method().is_some()
+    }
+
+    /// Repeats the step from its start with the other implicit method. Where that fails too, the failure of the first one stands.
+    #[cold]
+    fn retry(&mut self, action: &[f64]) -> Outcome {
+        let first = self.progress.verdict.solver_failure;
+        let Some(mut other) = self.spare.take().or_else(|| self.setup.other_integrator()) else { return Outcome::Solver };
+        self.go_back();
+        self.system.copy(Region::Previous(Part::Disturbance), Region::Disturbance);
+        self.progress.verdict.solver_failure = None;
+        self.collect_statistics();
+        self.statistics.retries += 1;
+        std::mem::swap(&mut self.integrator, &mut other);
+        self.prepare(action);
+        let outcome = self.integrate();
+        self.collect_statistics();
+        std::mem::swap(&mut self.integrator, &mut other);
+        self.integrator.forget();
+        self.spare = Some(other);
+        if outcome == Outcome::Solver && self.progress.verdict.solver_failure.is_none_or(|f| f.cause != Cause::Interrupted) {
+            self.progress.verdict.solver_failure = first;
         }
         outcome
     }
@@ -296,6 +329,7 @@ pub(super) fn add(sum: &mut Statistics, part: &Statistics) {
     sum.nonlinear_failures += part.nonlinear_failures;
     sum.not_finite += part.not_finite;
     sum.restarts += part.restarts;
+    sum.retries += part.retries;
 }
 
 /// The failure that an error of the solver is; `start` is where the attempt began.

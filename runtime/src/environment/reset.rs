@@ -12,6 +12,7 @@ use crate::observe::variate;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
 use crate::solver::{Carried, Edge, SolveError, Statistics, System};
+use crate::start::{self, Sought, StartError, StartFailure};
 use crate::steady::{self, SteadyError};
 
 /// Where an episode starts.
@@ -32,7 +33,7 @@ pub enum StateInput {
     /// As the start says.
     #[default]
     Start,
-    /// Some states by flattened name; the others as the start says.
+    /// Some states by flattened name, and guesses of algebraic variables; the others as the start says.
     Named(BTreeMap<String, f64>),
     /// All states in declaration order.
     Array(Vec<f64>),
@@ -117,6 +118,8 @@ pub enum ResetError {
     Inconsistent {
         /// What failed and where.
         message: String,
+        /// The block of equations without a solution, and all that was tried.
+        start: Option<Box<StartFailure>>,
     },
 }
 
@@ -213,6 +216,7 @@ impl Environment {
         self.initial_states(options)?;
         self.initial_discretes(options)?;
         self.settle_discretes(options)?;
+        self.meet_conditions(options)?;
         self.make_consistent()?;
         for passes_left in (0..self.setup.programs.start_passes).rev() {
             let first = self.setup.model().states();
@@ -226,6 +230,8 @@ impl Environment {
             }
             self.initial_discretes(options)?;
             self.settle_discretes(options)?;
+            self.setup.freed.pairs.iter().for_each(|&(_, at)| self.progress.y[at] = states[at]);
+            self.meet_conditions(options)?;
             let tolerance = 1e-6_f64.max(10.0 * self.setup.model().interface().solver.rtol);
             let moved = |old: &[f64], new: &[f64]| {
                 let far = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance * a.abs().max(b.abs());
@@ -244,7 +250,7 @@ impl Environment {
                 let found = families.into_iter().find_map(|(f, at)| f.elements().iter().find(|e| Some(e.at) == at));
                 let name = found.map_or_else(String::new, |e| format!(" of `{}`", e.name));
                 let message = format!("the initial value{name} depends on an algebraic variable that depends on it");
-                return Err(ResetError::Inconsistent { message });
+                return Err(ResetError::Inconsistent { message, start: None });
             }
             self.make_consistent()?;
         }
@@ -263,6 +269,10 @@ impl Environment {
             let first = setup.model().states();
             let steady = self.system.region(Region::Steady(Part::Y));
             self.progress.y[first..].copy_from_slice(&steady[first..]);
+        }
+        if let StateInput::Named(named) = &options.state {
+            let guesses = named.iter().filter_map(|(name, &value)| Some((setup.catalogue.solved.find(name)?.at, value)));
+            guesses.for_each(|(at, value)| self.progress.y[at] = value);
         }
         self.run_initial_states(options)
     }
@@ -286,7 +296,10 @@ impl Environment {
             StateInput::Named(named) => {
                 finite(named, "state")?;
                 for (name, &value) in named {
-                    self.progress.y[states.get(name, "state")?.at] = value;
+                    // A guess of an algebraic variable was taken before.
+                    if setup.catalogue.solved.find(name).is_none() {
+                        self.progress.y[states.get(name, "state")?.at] = value;
+                    }
                 }
             }
             StateInput::Array(values) => {
@@ -345,7 +358,7 @@ impl Environment {
             }
             if passes_left == 0 {
                 let message = "initial values of states and of discrete variables need each other".to_owned();
-                return Err(ResetError::Inconsistent { message });
+                return Err(ResetError::Inconsistent { message, start: None });
             }
         }
         Ok(())
@@ -420,7 +433,11 @@ impl Environment {
                     let failure: SolverFailure = super::interval::blame(&error, t);
                     let setup = &self.setup;
                     let message = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
-                    return Err(ResetError::Inconsistent { message });
+                    self.solve_start(Sought::default(), &message)?;
+                    match self.integrator.restart(&mut self.system, t, &self.progress.y, None) {
+                        Ok(()) => self.take_state(),
+                        Err(_) => return Err(ResetError::Inconsistent { message, start: None }),
+                    }
                 }
             }
         }
@@ -433,6 +450,41 @@ impl Environment {
             self.progress.yp.copy_from_slice(self.integrator.derivative());
         }
         Ok(())
+    }
+
+    /// States that conditions at the start determine, where these are not given.
+    fn meet_conditions(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+        if self.setup.freed.pairs.is_empty() || options.start == Start::Steady {
+            return Ok(());
+        }
+        let setup = std::sync::Arc::clone(&self.setup);
+        let at = |name: &String| setup.catalogue.states.find(name).map(|e| e.at);
+        let mut given: BTreeSet<usize> = setup.options.initial.keys().filter_map(at).collect();
+        match &options.state {
+            StateInput::Start => {}
+            StateInput::Named(named) => given.extend(named.keys().filter_map(at)),
+            StateInput::Array(_) => return Ok(()),
+        }
+        let (states, conditions) = setup.freed.without(|at| given.contains(&at));
+        if states.is_empty() {
+            return Ok(());
+        }
+        let (model, memory) = self.system.parts();
+        model.prepare_step(memory);
+        self.solve_start(Sought { states: &states, conditions: &conditions }, "the conditions at the start have no solution")
+    }
+
+    /// Solves for the algebraic unknowns and for what is `sought` block by block; `message` says what failed before.
+    fn solve_start(&mut self, sought: Sought<'_>, message: &str) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: self.time() };
+        match start::solve(&mut self.system, context, sought, &mut self.progress.y) {
+            Ok(()) => Ok(()),
+            Err(StartError::Interrupted) => Err(ResetError::Interrupted),
+            Err(StartError::Block(failure)) => {
+                Err(ResetError::Inconsistent { message: format!("{message}\n{failure}"), start: Some(failure) })
+            }
+        }
     }
 
     /// Parameters, states and discrete variables are numbers.
@@ -450,9 +502,9 @@ impl Environment {
         }
     }
 
-    /// Refuses algebraic variables outside of their bounds, where the model and not the caller chooses the states.
-    fn refuse_outside(&self) -> Result<(), ResetError> {
-        let setup = &self.setup;
+    /// Looks for another solution where algebraic variables are outside of their bounds, and refuses the start where none is found, if the model and not the caller chooses the states.
+    fn refuse_outside(&mut self) -> Result<(), ResetError> {
+        let setup = std::sync::Arc::clone(&self.setup);
         let Some(bounds) = self.system.bounds() else { return Ok(()) };
         let algebraic: Vec<usize> = (setup.model().states()..setup.model().unknowns()).collect();
         let Some(at) = bounds.outside(&algebraic, &self.progress.y) else { return Ok(()) };
@@ -460,7 +512,8 @@ impl Environment {
         let element = setup.catalogue.solved.elements().iter().find(|element| element.at == at);
         let Some(beyond) = element.and_then(|element| beyond(element, self.progress.y[at])) else { return Ok(()) };
         let message = format!("{equation}, has no solution inside of the declared bounds that the search finds: {beyond}");
-        Err(ResetError::Inconsistent { message })
+        self.solve_start(Sought::default(), &message)?;
+        self.make_consistent()
     }
 
     fn first_observation(&mut self) -> Result<(), ResetError> {

@@ -47,6 +47,8 @@ pub struct SolverOverrides {
     pub max_events: Option<NonZeroU32>,
     /// Longest internal step, in the model's unit of time.
     pub max_step: Option<f64>,
+    /// Whether a control step that the method fails in is repeated with the other implicit method.
+    pub retry: Option<bool>,
     /// Whether algebraic variables enter the error test.
     pub algebraic_error_control: Option<bool>,
     /// Whether the integrals of rewards enter the error test.
@@ -70,6 +72,7 @@ impl SolverOverrides {
             max_steps: self.max_steps.unwrap_or(declared.max_steps),
             max_events: self.max_events.map_or(declared.max_events, NonZeroU32::get),
             max_step: self.max_step.unwrap_or(declared.max_step),
+            retry: self.retry.unwrap_or(declared.retry),
             algebraic_error_control: self.algebraic_error_control.unwrap_or(declared.algebraic_error_control),
             quadrature_error_control: self.quadrature_error_control.unwrap_or(declared.quadrature_error_control),
             linear_solver: self.linear_solver.unwrap_or(declared.linear_solver),
@@ -87,6 +90,7 @@ impl SolverOverrides {
             ("max_internal_steps", self.max_steps.is_some()),
             ("max_events", self.max_events.is_some()),
             ("max_step", self.max_step.is_some()),
+            ("retry", self.retry.is_some()),
             ("algebraic_error_control", self.algebraic_error_control.is_some()),
             ("quadrature_error_control", self.quadrature_error_control.is_some()),
             ("linear_solver", self.linear_solver.is_some()),

@@ -355,6 +355,10 @@ impl Bridge {
             self.evaluate_roots_in_step(t, y)?;
             return Ok(self.watch.accept(t));
         }
+        if self.watch.is_quiet(t) {
+            self.watch.pass(t);
+            return Ok(false);
+        }
         let from = history.step_began();
         history.surround();
         if history.safe.holds(t, &history.unknowns, (&history.least, &history.most)) || self.is_safe_beyond(history, (from, t))? {

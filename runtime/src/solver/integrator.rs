@@ -34,6 +34,8 @@ pub struct Statistics {
     pub not_finite: u64,
     /// Calls of [`Integrator::restart`] that succeeded.
     pub restarts: u64,
+    /// Control steps repeated with the other implicit method.
+    pub retries: u64,
 }
 
 /// What an integrator takes along from one control step to the next, beside the state; nothing by default.

@@ -424,6 +424,7 @@ pub(crate) trait Traverse {
         watch.passed = false;
         watch.at_switch = false;
         watch.since = time;
+        watch.forget_quiet();
         if self.begins_safely()? {
             let (watch, events) = self.watched();
             watch.stale = true;

@@ -288,6 +288,17 @@ impl Watch {
         !self.loose.is_empty() && to > self.quiet
     }
 
+    /// Nothing is known of how kinks move.
+    pub(super) fn forget_quiet(&mut self) {
+        self.quiet = f64::NEG_INFINITY;
+    }
+
+    /// Returns whether all there is are kinks that are far from their thresholds.
+    #[inline]
+    pub(super) fn is_quiet(&self, to: f64) -> bool {
+        to <= self.quiet && self.loose.len() == self.edges.len()
+    }
+
     /// Notes how long kinks that have not been passed in a step stay far from their thresholds, by their motion in it: values as for
     /// [`is_loose_still`](Self::is_loose_still).
     pub(super) fn note_quiet(&mut self, (from, to): (f64, f64)) {

@@ -9,6 +9,7 @@ use super::problem::Problem;
 use super::{equation_name, unknown_name};
 use crate::catalogue::Catalogue;
 use crate::interrupt::Pace;
+use crate::newton::Try;
 use crate::system::CompiledSystem;
 
 /// Other first guesses that are tried where the search from the given one leads nowhere.
@@ -38,12 +39,6 @@ impl Default for Nearest {
     fn default() -> Self {
         Self { outside: true, size: f64::INFINITY, row: 0, residual: f64::NAN, aside: None }
     }
-}
-
-/// How one try ended.
-enum Try {
-    Converged(u32),
-    Failed(u32),
 }
 
 /// Where a try begins and how it goes on.

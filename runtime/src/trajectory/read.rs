@@ -405,33 +405,63 @@ pub fn read_disturbances(path: &Path, catalogue: &Catalogue, clock: Clock) -> Re
     Ok((names.iter().map(|name| (*name).to_owned()).zip(inputs.sequences).collect(), inputs.split))
 }
 
-/// One row of initial values: states and discrete variables by name. Empty cells are left out.
+/// Values with which an episode begins.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Initial {
+    /// States and guesses of algebraic variables that are solved for.
+    pub unknowns: Values,
+    /// Discrete variables.
+    pub discretes: Values,
+}
+
+/// Initial values by name: one row with a column for each, where empty cells are left out, or the table that `smpl steady --out` writes, with the columns
+/// `name` and `value`. Explicit algebraic variables follow from the others and are ignored.
 ///
 /// # Errors
-/// See [`DataError`]; a column that names neither is one.
-pub fn read_initial(path: &Path, catalogue: &Catalogue) -> Result<(Values, Values), DataError> {
+/// See [`DataError`]; a name that the model does not have is one.
+pub fn read_initial(path: &Path, catalogue: &Catalogue) -> Result<Initial, DataError> {
     let table = RawTable::read(path)?;
     table.once(table.names.iter().map(String::as_str))?;
+    let mut out = Initial::default();
+    if let (Some(name), Some(value)) = (table.column("name"), table.column("value")) {
+        for row in 0..table.rows.len() {
+            let given = table.rows[row].1.get(name).unwrap_or_default().to_owned();
+            if let Some(into) = out.part(&table, catalogue, &given)? {
+                into.insert(given, table.number(row, value)?);
+            }
+        }
+        return Ok(out);
+    }
     if table.rows.len() > 1 {
-        let message = format!("one row of initial values expected, found {}", table.rows.len());
+        let message = format!("one row of initial values expected, or columns `name` and `value`, found {} rows", table.rows.len());
         return Err(DataError::Malformed { path: table.path, line: table.rows[1].0, message });
     }
-    let (mut states, mut discretes) = (BTreeMap::new(), BTreeMap::new());
     for (column, name) in table.names.iter().enumerate() {
-        let into = match (catalogue.states.find(name), catalogue.discretes.find(name)) {
-            (Some(_), _) => &mut states,
-            (None, Some(_)) => &mut discretes,
-            (None, None) => {
-                let known = catalogue.states.names().chain(catalogue.discretes.names());
-                let error = UnknownName::new("state or discrete variable", name, known);
-                return Err(DataError::UnknownColumn { path: table.path.clone(), error });
-            }
-        };
-        if !table.is_blank(0, &[column]) {
+        if let Some(into) = out.part(&table, catalogue, name)?
+            && !table.is_blank(0, &[column])
+        {
             into.insert(name.clone(), table.number(0, column)?);
         }
     }
-    Ok((states, discretes))
+    Ok(out)
+}
+
+impl Initial {
+    /// The part that a name belongs to; `None` for a variable that follows from others.
+    fn part(&mut self, table: &RawTable, catalogue: &Catalogue, name: &str) -> Result<Option<&mut Values>, DataError> {
+        if catalogue.states.find(name).is_some() || catalogue.solved.find(name).is_some() {
+            return Ok(Some(&mut self.unknowns));
+        }
+        if catalogue.discretes.find(name).is_some() {
+            return Ok(Some(&mut self.discretes));
+        }
+        if catalogue.algebraics.find(name).is_some() {
+            return Ok(None);
+        }
+        let known = catalogue.states.names().chain(catalogue.solved.names()).chain(catalogue.discretes.names());
+        let error = UnknownName::new("state, algebraic or discrete variable", name, known);
+        Err(DataError::UnknownColumn { path: table.path.clone(), error })
+    }
 }
 
 /// A table as numbers.

@@ -5,6 +5,7 @@
 
 mod check;
 mod compile;
+mod diagnose;
 mod document;
 mod excerpt;
 mod excursion;
@@ -66,6 +67,8 @@ enum Command {
     Live(live::LiveArguments),
     /// Draw tables of runs
     Plot(plot::PlotArguments),
+    /// Describe structure, scaling, conditioning, the start and the nominal episode of a model
+    Diagnose(diagnose::DiagnoseArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
     /// Find parameters from recorded runs (by the Python package)
@@ -180,6 +183,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Live(arguments) => live::run(&arguments),
         Command::Plot(arguments) => plot::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),

@@ -101,6 +101,7 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("max_events", Some("max_events"), Takes::Count(|s| &mut s.solver.max_events)),
     solver("linear_solver", Some("linear_solver"), Takes::Name(&LINEAR_SOLVERS)),
     solver("method", None, Takes::Name(&METHODS)),
+    solver("retry", None, Takes::Truth(|s| &mut s.solver.retry)),
     solver("algebraic_error_control", None, Takes::Truth(|s| &mut s.solver.algebraic_error_control)),
     solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
 ];

@@ -194,14 +194,14 @@ fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: 
 }
 
 /// Path of the instance, or of the array of instances, that an entry names: `col = 0` is of every state of it.
-fn instances_named(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> Option<String> {
+pub(super) fn instances_named(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> Option<String> {
     let ExprKind::Name(name) = &target.kind else { return None };
     let symbol = l.symbols.lookup(scope, &name.text)?;
     matches!(l.symbols[symbol].kind, SymbolKind::Instance(_) | SymbolKind::Instances(_)).then(|| l.symbols[symbol].path.clone())
 }
 
 /// The states of an instance, or of the instances of an array.
-fn states_of_instances(l: &Lowering<'_, '_>, path: &str) -> Vec<VarId> {
+pub(super) fn states_of_instances(l: &Lowering<'_, '_>, path: &str) -> Vec<VarId> {
     let within = |var: &VarId| l.symbols.vars[*var].name.strip_prefix(path).is_some_and(|rest| rest.starts_with(['.', '[']));
     l.variables_of(Role::State).into_iter().filter(within).collect()
 }
@@ -414,7 +414,8 @@ fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Opt
 }
 
 impl Symbols<'_> {
-    fn reads_unknown(&self, exprs: &Exprs, e: ExprId) -> bool {
+    /// Returns whether an expression reads a state or an algebraic variable.
+    pub(super) fn reads_unknown(&self, exprs: &Exprs, e: ExprId) -> bool {
         exprs.below([e]).any(|e| match exprs.node(e) {
             Node::Load { var, flavour: Flavour::Value, .. } => matches!(self.vars[var].role, Role::State | Role::Algebraic),
             _ => false,

@@ -291,10 +291,13 @@ fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], n
 /// Root function of a comparison, positive where it holds, and whether it is strict.
 pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, place: &Place) -> Option<(ExprId, bool)> {
     let ExprKind::Binary(op, a, b) = &condition.kind else {
-        l.ledger.report(
-            Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span)
-                .help("for example `h <= 0 [m]`"),
-        );
+        let help = match &condition.kind {
+            ExprKind::Call { function, .. } | ExprKind::Reduce { function, .. } if matches!(function.text.as_str(), "any" | "all") => {
+                "compare the extreme of the elements: `max(T[z] for z) > T_max` in place of `any(T[z] > T_max for z)`"
+            }
+            _ => "for example `h <= 0 [m]`",
+        };
+        l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "an event is a comparison of two quantities", condition.span).help(help));
         return None;
     };
     let (rising, strict) = match op {

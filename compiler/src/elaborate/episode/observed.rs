@@ -168,7 +168,7 @@ fn check_mean(l: &mut Lowering<'_, '_>, mean: &Expr, unit: &Unit, place: &Place)
 /// Warns of an observation that any number may be.
 pub(super) fn warn_of_missing_bounds(l: &mut Lowering<'_, '_>, name: &str, o: &Observation) {
     l.ledger.report(
-        Diagnostic::warning(codes::MISSING_CLAUSE, format!("the observation `{name}` has no bounds"), o.span)
+        Diagnostic::warning(codes::NO_BOX, format!("the observation `{name}` has no bounds"), o.span)
             .help("write `in low..high`: learners need a finite box"),
     );
 }

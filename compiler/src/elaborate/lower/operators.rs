@@ -58,9 +58,19 @@ pub(in crate::elaborate) fn binary(l: &mut Lowering<'_, '_>, span: Span, op: Bin
         }
         _ => {
             let (x, y) = (l.value(a, place), l.value(b, place));
+            if op == BinaryOp::Pow && matches!(b.kind, ExprKind::As(..)) && has_dimension(&y) {
+                let text = "`as` belongs to the exponent here, which must be dimensionless";
+                let help = "put the power in parentheses: `(a^b) as [unit]`";
+                return l.fault(Diagnostic::error(codes::NOT_DIMENSIONLESS, text, b.span).help(help));
+            }
             arithmetic(l, op, (x, a.span), (y, b.span), span)
         }
     }
+}
+
+/// Returns whether a value has a unit with a dimension.
+fn has_dimension(v: &Value) -> bool {
+    matches!(&v.unit, Measure::Of(unit) if !units::is_dimensionless(unit))
 }
 
 /// `a + b` and so on, on values.

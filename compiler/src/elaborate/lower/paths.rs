@@ -18,9 +18,10 @@ pub(in crate::elaborate) fn reference(l: &mut Lowering<'_, '_>, e: &Expr, place:
         Target::Symbol(symbol) => l.symbol_value(symbol, index, e.span, place),
         Target::Value(v) if index.is_empty() => v,
         Target::Value(v) if v.is_poison() => v,
-        Target::Value(_) => l
-            .values()
-            .fault(Diagnostic::error(codes::WRONG_SHAPE, "an index after something that has none", e.span).help("multiply with `*`")),
+        Target::Value(_) => l.values().fault(
+            Diagnostic::error(codes::WRONG_SHAPE, "an index after a value that has none", e.span)
+                .help("write `*` to multiply; only a number takes a unit in brackets"),
+        ),
         Target::Nothing => l.poison(),
     }
 }

@@ -180,9 +180,9 @@ fn key<'a>(item: &Item<'a>) -> Option<Key<'a>> {
 
 fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
     Some(match kind {
-        StatementKind::Equation { lhs: target, binders, .. } | StatementKind::Initial { target, binders, .. } => {
-            Key::Determined(discriminant(kind), Form::bound(binders, [target]))
-        }
+        StatementKind::Equation { lhs: target, binders, .. }
+        | StatementKind::StartEquation { lhs: target, binders, .. }
+        | StatementKind::Initial { target, binders, .. } => Key::Determined(discriminant(kind), Form::bound(binders, [target])),
         StatementKind::Connect { chain, binders } => Key::Determined(discriminant(kind), Form::bound(binders, chain)),
         StatementKind::Fail { name, .. }
         | StatementKind::Success { name, .. }

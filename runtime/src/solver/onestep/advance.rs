@@ -342,6 +342,10 @@ impl Run<'_> {
         if events.watch.is_empty() {
             return Ok(false);
         }
+        if events.watch.is_quiet(to) {
+            events.watch.pass(to);
+            return Ok(false);
+        }
         let Events { bounded, unknowns, fours, enclosure, safe, .. } = events;
         if *bounded {
             let (least, most) = (enclosure.least.as_chunks_mut().0, enclosure.most.as_chunks_mut().0);

@@ -1,69 +1,47 @@
 //! How one try goes on: Newton's method, and the process followed in pseudo-time.
 
-use super::{Search, Try};
+use super::Search;
+use crate::newton::{Equations, Try, apply, newton};
 use crate::system::CompiledSystem;
 
-/// Newton iterations of one try.
-const MAX_NEWTON: u32 = 60;
 /// Pseudo-time steps of one try.
 const MAX_PSEUDO: u32 = 1000;
-/// Correction, relative to the scales, that counts as none.
-const CONVERGED: f64 = 1e-14;
-/// Correction below which an iteration that no longer improves has met rounding.
-const ROUNDING: f64 = 1e-8;
-/// Smallest damping.
-const MIN_DAMPING: f64 = 1e-4;
 /// Largest change of an unknown, relative to its scale and size, in one pseudo-time step.
 const MAX_CHANGE: f64 = 0.3;
-/// Part of the way to a bound that one iteration goes where the search is kept inside.
-const TO_THE_BOUND: f64 = 0.9;
+
+/// The equations at rest.
+struct AtRest<'a> {
+    search: &'a mut Search,
+    system: &'a mut CompiledSystem,
+}
+
+impl Equations for AtRest<'_> {
+    fn places(&self) -> &[usize] {
+        &self.search.problem.free
+    }
+
+    fn evaluate(&mut self, y: &[f64]) {
+        self.search.problem.evaluate(self.system, y);
+    }
+
+    fn factorise(&mut self, y: &[f64]) -> Result<(), Option<usize>> {
+        self.search.factorise(self.system, y, 0.0)
+    }
+
+    fn correction(&mut self, out: &mut [f64]) {
+        self.search.problem.correction(out);
+    }
+
+    fn norm(&self, step: &[f64]) -> f64 {
+        self.search.problem.norm(step)
+    }
+}
 
 impl Search {
     /// Newton's method, damped; kept inside of the bounds where that is wanted.
     pub(super) fn newton(&mut self, system: &mut CompiledSystem, y: &mut [f64], inside: bool) -> Result<Try, Option<usize>> {
-        let (mut step, mut trial_step) = (vec![0.0; self.problem.free.len()], vec![0.0; self.problem.free.len()]);
-        let mut trial = y.to_vec();
-        let mut last = f64::INFINITY;
-        for iteration in 1..=MAX_NEWTON {
-            self.problem.evaluate(system, y);
-            self.factorise(system, y, 0.0)?;
-            self.problem.correction(&mut step);
-            let norm = self.problem.norm(&step);
-            if !norm.is_finite() {
-                return Ok(Try::Failed(iteration));
-            }
-            if norm <= ROUNDING {
-                self.apply(y, &step, 1.0);
-                if norm <= CONVERGED || norm >= 0.5 * last {
-                    return Ok(Try::Converged(iteration));
-                }
-                last = norm;
-                continue;
-            }
-            last = norm;
-            let mut damping = if inside { self.bounds.reach(&self.problem.free, y, &step, TO_THE_BOUND) } else { 1.0 };
-            loop {
-                trial.copy_from_slice(y);
-                self.apply(&mut trial, &step, damping);
-                self.problem.evaluate(system, &trial);
-                self.problem.correction(&mut trial_step);
-                if self.problem.norm(&trial_step) <= (1.0 - damping / 4.0) * norm {
-                    break;
-                }
-                damping *= 0.5;
-                if damping < MIN_DAMPING {
-                    return Ok(Try::Failed(iteration));
-                }
-            }
-            y.copy_from_slice(&trial);
-        }
-        Ok(Try::Failed(MAX_NEWTON))
-    }
-
-    fn apply(&self, y: &mut [f64], step: &[f64], damping: f64) {
-        for (d, &at) in step.iter().zip(&self.problem.free) {
-            y[at] += damping * d;
-        }
+        let bounds = inside.then(|| self.bounds.clone());
+        newton(&mut AtRest { search: self, system }, bounds.as_ref(), y)
     }
 
     /// Follows the process with growing steps of the linearised implicit Euler method until it hardly moves.
@@ -83,7 +61,7 @@ impl Search {
                 Err(_) => f64::NAN,
             };
             trial.copy_from_slice(y);
-            self.apply(&mut trial, &step, 1.0);
+            apply(&self.problem.free, &mut trial, &step, 1.0);
             self.problem.evaluate(system, &trial);
             let finite = self.problem.free.iter().all(|&row| self.problem.rows[row].is_finite());
             let left = confined && !self.is_inside(&trial);

@@ -85,7 +85,8 @@ fn verdict(loaded: &Loaded) -> String {
         n if n > SHOWN => format!(", more than {SHOWN} warnings"),
         n => format!(", {n} warnings"),
     };
-    format!("ok ({} states, {} solved algebraic variables{warnings})", model.states(), model.unknowns() - model.states())
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    format!("ok ({}, {}{warnings})", count(model.states(), "state"), count(model.unknowns() - model.states(), "solved algebraic variable"))
 }
 
 fn show(diagnostics: &[Diagnostic], sources: &SourceMap, format: Format, objects: &mut Vec<Json>) {

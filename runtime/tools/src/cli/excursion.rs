@@ -30,6 +30,9 @@ impl Excursion {
         for (element, e) in environment.catalogue().states.elements().iter().enumerate() {
             let value = y[e.at];
             let beyond = (e.low - value).max(value - e.high);
+            if beyond <= 0.0 {
+                continue;
+            }
             let range = e.high - e.low;
             let range = if range.is_finite() && range > 0.0 { range } else { e.scale.abs().max(f64::MIN_POSITIVE) };
             let excess = beyond / range;

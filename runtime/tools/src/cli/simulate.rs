@@ -46,7 +46,7 @@ pub(super) struct SimulateArguments {
     /// Where the episode starts
     #[arg(long, value_enum, default_value_t)]
     start: StartArgument,
-    /// Initial values: one row, columns named as states or discrete variables
+    /// Initial values: one row, columns named as states, discrete variables or guesses of algebraic ones; or a table of `smpl steady --out`
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
     /// Recorded disturbances in place of drawn ones
@@ -294,9 +294,9 @@ impl SimulateArguments {
         };
         let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
         if let Some(path) = &self.init {
-            let (states, discrete) = read_initial(path, &setup.catalogue)?;
-            options.state = StateInput::Named(states);
-            options.discrete = discrete;
+            let initial = read_initial(path, &setup.catalogue)?;
+            options.state = StateInput::Named(initial.unknowns);
+            options.discrete = initial.discretes;
         }
         if let Some(path) = &self.disturbances {
             let (disturbances, split) = read_disturbances(path, &setup.catalogue, self.clock(setup))?;

@@ -37,7 +37,7 @@ pub(super) struct SteadyArguments {
     /// First guess of a state or an algebraic variable; the others as they start; repeatable
     #[arg(long = "guess", value_name = "NAME=VALUE", value_parser = number)]
     guesses: Vec<(String, f64)>,
-    /// First guess of states: one row, columns named as states
+    /// First guess of states and algebraic variables: a table that `--out` wrote, or one row with columns named as they are
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
     /// Table with name, unit and value of every state and algebraic variable
@@ -131,9 +131,9 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
 /// Puts what is given on the command line into the first guess.
 fn take_guesses(arguments: &SteadyArguments, catalogue: &Catalogue, y: &mut [f64]) -> Result<(), Failed> {
     if let Some(path) = &arguments.init {
-        for (name, value) in &read_initial(path, catalogue)?.0 {
-            y[catalogue.states.get(name, "state")?.at] = *value;
-        }
+        let given = read_initial(path, catalogue)?.unknowns;
+        let element = |name: &String| catalogue.states.find(name).or_else(|| catalogue.solved.find(name));
+        given.iter().filter_map(|(name, value)| Some((element(name)?, value))).for_each(|(element, value)| y[element.at] = *value);
     }
     for (name, value) in &arguments.guesses {
         let element = match catalogue.solved.find(name) {

@@ -21,6 +21,13 @@ impl<'s> Writer<'s> {
                 let line = format!("{}\\big|_{{t=0}} {relation} {}", latex::expression(target), latex::expression(value));
                 self.start(over(line, binders), clip.as_ref());
             }
+            StatementKind::StartEquation { lhs, rhs, binders, .. } => {
+                let line = format!("\\left.{} = {}\\right|_{{t=0}}", latex::expression(lhs), latex::expression(rhs));
+                self.start(over(line, binders), None);
+            }
+            StatementKind::StartSteady { targets } => targets.iter().for_each(|target| {
+                self.start(format!("\\left.\\frac{{d}}{{dt}}{}\\right|_{{t=0}} = 0", latex::expression(target)), None);
+            }),
             StatementKind::Steady { entries } => {
                 let fixed: Vec<String> = entries.iter().map(|(left, right)| math(&assignment(left, right))).collect();
                 self.block(&format!("Steady state: {}.", fixed.join(", ")));

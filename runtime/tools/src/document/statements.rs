@@ -322,7 +322,10 @@ fn chapter(kind: &StatementKind) -> &'static str {
         StatementKind::Equation { .. } | StatementKind::Def { .. } | StatementKind::Flux(_) => "Equations",
         StatementKind::Connector { .. } | StatementKind::Component { .. } => "Components",
         StatementKind::Instance { .. } | StatementKind::Connect { .. } => "Units and connections",
-        StatementKind::Initial { .. } | StatementKind::Steady { .. } => "Start and steady state",
+        StatementKind::Initial { .. }
+        | StatementKind::StartEquation { .. }
+        | StatementKind::StartSteady { .. }
+        | StatementKind::Steady { .. } => "Start and steady state",
         StatementKind::At { .. } | StatementKind::Event { .. } | StatementKind::Phase(_) => "Instants, events and phases",
         StatementKind::Observe { .. } | StatementKind::Level { .. } => "Observations",
         StatementKind::Reward { .. } => "Rewards",

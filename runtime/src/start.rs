@@ -1,0 +1,89 @@
+//! Starts of episodes: algebraic unknowns and states that conditions at the start determine.
+//!
+//! The unknowns are solved for block by block, strongly connected components of the equations in their order. Each block is tried by Newton's
+//! method from its guess, inside of its bounds, from other guesses, by homotopy and by least squares; the same tries in the same order give the same
+//! result each time. A block without a solution is reported with its unknowns, its equations and all that was tried.
+
+mod blocks;
+mod choice;
+mod problem;
+mod report;
+mod search;
+
+use crate::catalogue::Catalogue;
+use crate::interrupt::Pace;
+use crate::system::CompiledSystem;
+use blocks::Block;
+pub use choice::{Conflict, Freed};
+use problem::Problem;
+pub use report::{StartEquation, StartFailure, StartUnknown, Tried};
+use search::{Outcome, Search};
+use smpl_dsl::diagnostic::SourceMap;
+
+/// Why there is no start.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum StartError {
+    /// A block has no solution that was found.
+    Block(Box<StartFailure>),
+    /// The search was interrupted, see [`crate::interrupt`].
+    Interrupted,
+}
+
+/// What is sought at a start, besides the algebraic unknowns.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sought<'a> {
+    /// States that conditions determine, places in `y`.
+    pub states: &'a [usize],
+    /// The conditions, by number: as many.
+    pub conditions: &'a [usize],
+}
+
+/// Where and of what a start is sought.
+#[derive(Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub catalogue: &'a Catalogue,
+    pub sources: Option<&'a SourceMap>,
+    /// Time of the start.
+    pub time: f64,
+}
+
+/// Blocks of the algebraic equations in the order of their solution: places in `y` of the unknowns of each.
+pub(crate) struct Structure {
+    pub blocks: Vec<Vec<usize>>,
+}
+
+/// Finds the blocks of the algebraic equations.
+pub(crate) fn structure(system: &mut CompiledSystem, context: Context<'_>, y: &[f64]) -> Structure {
+    let mut problem = Problem::new(system, context, Sought::default(), y);
+    let blocks = blocks::of(&problem.incidence(), problem.len()).unwrap_or_default();
+    Structure { blocks: blocks.into_iter().map(|block| block.unknowns.iter().map(|&u| problem.places[u]).collect()).collect() }
+}
+
+/// Solves for the unknowns of a start from the guesses in `y`.
+pub(crate) fn solve(system: &mut CompiledSystem, context: Context<'_>, sought: Sought<'_>, y: &mut [f64]) -> Result<(), StartError> {
+    let guess = y.to_vec();
+    let mut problem = Problem::new(system, context, sought, y);
+    let blocks = match blocks::of(&problem.incidence(), problem.len()) {
+        Ok(blocks) => blocks,
+        // Numbers decide: one block of everything.
+        Err(_) => vec![Block { rows: (0..problem.len()).collect(), unknowns: (0..problem.len()).collect() }],
+    };
+    let mut pace = Pace::default();
+    let whole = Block { rows: (0..problem.len()).collect(), unknowns: (0..problem.len()).collect() };
+    if Search::new(&mut problem, &whole, &mut pace).from_guess(y) {
+        return Ok(());
+    }
+    y.copy_from_slice(&guess);
+    for (number, block) in blocks.iter().enumerate() {
+        let mut search = Search::new(&mut problem, block, &mut pace);
+        match search.run(y) {
+            Outcome::Solved => {}
+            Outcome::Interrupted => return Err(StartError::Interrupted),
+            Outcome::Failed(trail) => {
+                let failure = report::failure(&mut problem, block, (number + 1, blocks.len()), (&guess, y), trail);
+                return Err(StartError::Block(Box::new(failure)));
+            }
+        }
+    }
+    Ok(())
+}

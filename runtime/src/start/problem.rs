@@ -1,0 +1,184 @@
+//! The equations of a start: algebraic rows and conditions, in algebraic unknowns and freed states.
+
+use smpl_compiler::compiled::{Derived, WithRespectTo};
+use smpl_compiler::layout::Region;
+
+use super::{Context, Sought};
+use crate::catalogue::Element;
+use crate::failure::describe_equation;
+use crate::solver::{Bounds, System};
+use crate::system::CompiledSystem;
+
+/// An equation of a start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Row {
+    /// That of an algebraic unknown, by its place in `y`.
+    Equation(usize),
+    /// A condition at the start, by number.
+    Condition(usize),
+}
+
+/// The equations, with working memory.
+pub(super) struct Problem<'a> {
+    system: &'a mut CompiledSystem,
+    pub context: Context<'a>,
+    /// Places in `y` of the unknowns.
+    pub places: Vec<usize>,
+    pub rows: Vec<Row>,
+    pub bounds: Bounds,
+    /// Size of each unknown of `y`.
+    pub scales: Vec<f64>,
+    /// Entries of the Jacobian of the equations that are those of unknowns: row, column, entry.
+    entries: Vec<(usize, usize, usize)>,
+    /// Row of each condition.
+    row_of: Vec<Option<usize>>,
+    /// Column of each place in `y`.
+    column_of: Vec<Option<usize>>,
+    zero: Vec<f64>,
+    residual: Vec<f64>,
+    values: Vec<f64>,
+    missed: Vec<f64>,
+    /// The equations at the last point.
+    pub out: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn new(system: &'a mut CompiledSystem, context: Context<'a>, sought: Sought<'_>, y: &[f64]) -> Self {
+        let n = y.len();
+        let first = system.model().states();
+        let places: Vec<usize> = (first..n).chain(sought.states.iter().copied()).collect();
+        let rows: Vec<Row> = (first..n).map(Row::Equation).chain(sought.conditions.iter().map(|&k| Row::Condition(k))).collect();
+        let mut column_of = vec![None; n];
+        places.iter().enumerate().for_each(|(column, &at)| column_of[at] = Some(column));
+        let conditions = system.model().interface().start_conditions.iter().map(|c| c.count as usize).sum();
+        let mut row_of = vec![None; conditions];
+        sought.conditions.iter().enumerate().for_each(|(i, &k)| row_of[k] = Some(n - first + i));
+        let pattern = system.pattern();
+        let own = |column: usize| pattern.column(places[column]).map(move |entry| (column, entry));
+        let entries = (0..places.len()).flat_map(own);
+        let entries = entries.filter(|&(_, entry)| pattern.rows()[entry] >= first);
+        let entries: Vec<_> = entries.map(|(column, entry)| (pattern.rows()[entry] - first, column, entry)).collect();
+        let catalogue = context.catalogue;
+        let elements = || catalogue.states.elements().iter().chain(catalogue.solved.elements());
+        let mut scales = vec![1.0; n];
+        for element in elements().filter(|e| e.scale.is_finite() && e.scale > 0.0) {
+            scales[element.at] = element.scale;
+        }
+        Self {
+            values: vec![0.0; pattern.entries()],
+            out: vec![0.0; rows.len()],
+            bounds: Bounds::new(elements(), n),
+            zero: vec![0.0; n],
+            residual: vec![0.0; n],
+            missed: vec![0.0; conditions],
+            system,
+            context,
+            places,
+            rows,
+            scales,
+            entries,
+            row_of,
+            column_of,
+        }
+    }
+
+    /// Number of equations, and of unknowns.
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Columns of the unknowns that may occur in each row; the first one of an algebraic row is its own.
+    pub(super) fn incidence(&mut self) -> Vec<Vec<usize>> {
+        let mut out: Vec<Vec<usize>> = vec![Vec::new(); self.rows.len()];
+        let algebraic = self.rows.iter().filter(|row| matches!(row, Row::Equation(_))).count();
+        (0..algebraic).for_each(|row| out[row].push(row));
+        for &(row, column, _) in &self.entries {
+            if !out[row].contains(&column) {
+                out[row].push(column);
+            }
+        }
+        let y = vec![0.0; self.zero.len()];
+        for (row, column, _) in self.gradient(&y) {
+            if !out[row].contains(&column) {
+                out[row].push(column);
+            }
+        }
+        out
+    }
+
+    /// Derivatives of the conditions by the unknowns: row, column, value.
+    fn gradient(&mut self, y: &[f64]) -> Vec<(usize, usize, f64)> {
+        if self.row_of.iter().all(Option::is_none) {
+            return Vec::new();
+        }
+        let (model, memory) = self.system.parts();
+        let found = model.derivative(Derived::StartConditions, WithRespectTo::Unknowns, memory, self.context.time, (y, &self.zero));
+        let places = found.unwrap_or_default().into_iter();
+        places.filter_map(|(k, at, value)| Some((self.row_of[k]?, self.column_of[at]?, value))).collect()
+    }
+
+    /// Evaluates all equations at `y` into `out`.
+    pub(super) fn evaluate(&mut self, y: &[f64]) {
+        self.take_instant(y);
+        let time = self.context.time;
+        self.system.residual(time, y, &self.zero, &mut self.residual);
+        if !self.missed.is_empty() {
+            let (model, memory) = self.system.parts();
+            model.start_conditions(memory, time, &mut y.to_vec(), &mut self.missed);
+        }
+        for (out, row) in self.out.iter_mut().zip(&self.rows) {
+            *out = match *row {
+                Row::Equation(at) => self.residual[at],
+                Row::Condition(k) => self.missed[k],
+            };
+        }
+    }
+
+    /// The entries of the Jacobian at `y`: row, column, value; a place may occur several times.
+    pub(super) fn jacobian(&mut self, y: &[f64]) -> Vec<(usize, usize, f64)> {
+        self.take_instant(y);
+        self.system.jacobian(self.context.time, y, &self.zero, 0.0, &mut self.values);
+        let mut out: Vec<_> = self.entries.iter().map(|&(row, column, entry)| (row, column, self.values[entry])).collect();
+        out.extend(self.gradient(y));
+        out
+    }
+
+    /// The start of the episode and the end of the step before are the point itself.
+    fn take_instant(&mut self, y: &[f64]) {
+        if self.system.reads_other_instants() {
+            self.system.keep(y, Region::Initial);
+            self.system.keep(y, Region::Previous);
+            let (model, memory) = self.system.parts();
+            model.prepare_step(memory);
+        }
+    }
+
+    /// The state or variable at a place of `y`.
+    pub(super) fn element(&self, at: usize) -> Option<&Element> {
+        let catalogue = self.context.catalogue;
+        catalogue.states.elements().iter().chain(catalogue.solved.elements()).find(|e| e.at == at)
+    }
+
+    /// An equation in words: `equation at flash.eq:12, z`.
+    pub(super) fn describe(&self, row: usize) -> String {
+        match self.rows[row] {
+            Row::Equation(at) => describe_equation(at, self.system.model(), self.context.catalogue, self.context.sources),
+            Row::Condition(k) => condition_text(self.system, k, self.context.sources),
+        }
+    }
+}
+
+/// A condition in words: `condition at flash.eq:20`.
+pub(super) fn condition_text(system: &CompiledSystem, number: usize, sources: Option<&smpl_dsl::diagnostic::SourceMap>) -> String {
+    let mut first = 0;
+    let found = system.model().interface().start_conditions.iter().find(|c| {
+        first += c.count as usize;
+        number < first
+    });
+    match (found, sources) {
+        (Some(found), Some(sources)) if found.span.end > 0 => {
+            format!("condition at {}:{}", sources.name(found.span.file), sources.locate(found.span).line)
+        }
+        _ => format!("condition {} at the start", number + 1),
+    }
+}

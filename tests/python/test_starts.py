@@ -1,0 +1,283 @@
+"""Starts: conditions on anything, blocks, failed starts as data, stored starts, and control steps repeated with the other method."""
+
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+import smpl
+
+GAS = """
+model vessel
+time t : s
+param V : m^3 = 1 in 0.1..10
+param R : J/mol/K = 8.314462618
+action F : mol/s = 0 in -1..1
+state N : mol = 40 in 0..1000
+state T : K = 300 in 200..800
+var p : Pa = 1e5
+eq p*V = N*R*T
+eq d/dt N = F
+eq d/dt T = (300 [K] - T)/100 [s]
+{conditions}
+observe p in 0..1e6
+episode {{ step = 1 [s], max_steps = 3 }}
+"""
+GAS_CONSTANT = 8.314462618
+
+
+def env(source, **options):
+    return smpl.Env(smpl.compile(source=source), **options)
+
+
+def start(source, **options):
+    """Values at the start by name."""
+    made = env(source)
+    made.reset(seed=1, options=options or None)
+    inner = made.unwrapped
+    return dict(zip(inner.state_names, inner.state, strict=True)) | dict(zip(inner.algebraic_names, inner.algebraic, strict=True))
+
+
+def test_a_pressure_determines_the_amount_of_gas():
+    found = start(GAS.format(conditions="initial eq p = 2 [bar]"))
+    assert found["N"] == pytest.approx(2e5 / GAS_CONSTANT / 300, rel=1e-12)
+    assert (found["T"], found["p"]) == (300, pytest.approx(2e5, rel=1e-12))
+
+
+def test_free_names_the_state_that_a_condition_determines():
+    found = start(GAS.format(conditions="initial eq p = 2 [bar] free T").replace("N : mol = 40", "N : mol = 50"))
+    assert (found["N"], found["T"]) == (50, pytest.approx(2e5 / GAS_CONSTANT / 50, rel=1e-12))
+
+
+def test_conditions_hold_for_the_parameters_of_the_episode():
+    found = start(GAS.format(conditions="initial eq p = 2 [bar]"), parameters={"V": 3.0})
+    assert found["N"] == pytest.approx(3 * 2e5 / GAS_CONSTANT / 300, rel=1e-12)
+
+
+def test_a_given_state_drops_the_condition_that_frees_it():
+    source = GAS.format(conditions="initial eq p = 2 [bar]")
+    found = start(source, state={"N": 60.0})
+    assert (found["N"], found["p"]) == (60, pytest.approx(60 * GAS_CONSTANT * 300, rel=1e-12))
+    found = start(source, state={"T": 400.0})
+    assert found["N"] == pytest.approx(2e5 / GAS_CONSTANT / 400, rel=1e-12)
+
+
+CSTR = """
+model cstr
+time t : min
+action F : 1/min = 0.5 in 0..2
+state c = 0.9 in 0..2
+state T = 1.0 in 0..3
+state m = 0.1 in 0..5
+eq d/dt c = F*(1 - c) - 2 [1/min]*exp(-1/T)*c
+eq d/dt T = F*(0.5 - T) + 3 [1/min]*exp(-1/T)*c
+eq d/dt m = (c - m)/2 [min]
+{conditions}
+observe c in 0..2
+episode {{ step = 1 [min], max_steps = 3 }}
+"""
+
+
+def rates(c, temperature):
+    return np.array([0.5 * (1 - c) - 2 * math.exp(-1 / temperature) * c, 0.5 * (0.5 - temperature) + 3 * math.exp(-1 / temperature) * c])
+
+
+def test_part_of_the_plant_starts_at_rest():
+    found = start(CSTR.format(conditions="initial steady for (c, T)"))
+    right = scipy.optimize.fsolve(lambda x: rates(*x), [0.9, 1.0], xtol=1e-14)
+    assert [found["c"], found["T"]] == pytest.approx(right, rel=1e-9)
+    assert found["m"] == 0.1
+
+
+def test_a_rate_is_given_at_the_start():
+    found = start(CSTR.format(conditions="initial d/dt T = 0.6 [1/min]"))
+    right = scipy.optimize.brentq(lambda temperature: rates(0.9, temperature)[1] - 0.6, 0.1, 1, xtol=1e-14)
+    assert (found["c"], found["T"]) == (0.9, pytest.approx(right, rel=1e-9))
+
+
+def test_a_loop_of_conditions_frees_an_array():
+    source = """
+time t : s
+set tanks = 1..4
+param p_0[i in tanks] : kPa = 10*i
+state h[i in tanks] : m = 1 in 0..20
+var p[i in tanks] : kPa = 1
+eq p[i] + (p[i]/10 [kPa])^3 * 1 [kPa] = h[i]*9.81 [kPa/m] for i in tanks
+eq d/dt h[i] = -h[i]/10 [s] for i in tanks
+initial eq p[i] = p_0[i] for i in tanks
+observe h[1] in 0..20
+episode { step = 1 [s], max_steps = 3 }
+"""
+    found = start(source)
+    for i in range(1, 5):
+        assert found[f"h[{i}]"] == pytest.approx((10 * i + i**3) / 9.81, rel=1e-12)
+
+
+def test_too_many_conditions_are_refused_by_line():
+    source = GAS.format(conditions="initial eq p = 2 [bar]\ninitial eq p = 3 [bar]\ninitial d/dt T = 0")
+    with pytest.raises(smpl.SimulationError, match="too many conditions at the start") as refused:
+        env(source)
+    assert ":14" in str(refused.value) and ":13" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ("initial eq V = 2 [m^3]", "neither a state nor a variable occurs"),
+        ("initial eq p = 2 [K]", "pressure"),
+        ("initial eq N + T*1 [mol/K] = 4 [mol] free V", "V"),
+        ("initial steady for p", "p"),
+        ("initial steady for (N, T) for i in 1..2", "takes no loop"),
+    ],
+)
+def test_conditions_that_cannot_be_are_diagnosed(condition, message):
+    with pytest.raises(smpl.CompileError, match=message):
+        smpl.compile(source=GAS.format(conditions=condition))
+
+
+FAILED = """
+model z
+time t : s
+state x = 2 in 0..10
+var z = 0 in 0..5
+var w = 1 in 0..5
+eq d/dt x = -x/1 [s]
+eq z*z + w = -x
+eq w = z + 1
+observe x in 0..10
+episode { step = 1 [s], max_steps = 3 }
+"""
+
+
+def test_a_failed_start_is_data():
+    made = env(FAILED)
+    with pytest.raises(smpl.SimulationError) as failed:
+        made.reset(seed=1)
+    report = failed.value.start
+    assert report["block"] == (1, 1)
+    assert [u["name"] for u in report["unknowns"]] == ["z"]
+    assert report["unknowns"][0]["bounds"] == (0, 5)
+    # z*z + z + 1 + 2 has its least value of 2.75 at z = -1/2.
+    assert report["equations"][0]["residual"] == pytest.approx(2.75, abs=0.01)
+    assert {t["method"] for t in report["tried"]} >= {"Newton's method from the guess", "Newton's method inside of the bounds"}
+    assert report["help"] and report["help"] in str(failed.value)
+    assert smpl.SimulationError("text").start is None
+
+
+def test_a_solution_outside_of_the_bounds_is_reported():
+    source = FAILED.replace("eq z*z + w = -x", "eq z + w = -x")
+    with pytest.raises(smpl.SimulationError, match=r"a solution has z = -1\.5, outside of its bounds 0\.\.5") as failed:
+        env(source).reset(seed=1)
+    assert failed.value.start["other_solutions"][0] == pytest.approx([-1.5])
+
+
+# Hard starts: equations in z with x = 2, a guess, and the solution (by brentq on the interval).
+HARD = {
+    "a guess of zero below a logarithm": ("ln(z) = -x", "z = 0 in 0..5", lambda z: math.log(z) + 2, (1e-9, 5)),
+    "a root from zero": ("sqrt(z) = x", "z = 0 in 0..9", lambda z: math.sqrt(z) - 2, (0, 9)),
+    "a flat exponential": ("exp(z) = 1e3*x", "z = -40 in -50..50", lambda z: math.exp(z) - 2e3, (-50, 50)),
+    "an arctangent far away": ("atan(10*(z - x)) = 0.3", "z = 400 in -1000..1000", lambda z: math.atan(10 * (z - 2)) - 0.3, (-1000, 1000)),
+    "a wall of a tangent hyperbolicus": ("tanh(8*(z - 3)) = x/4", "z = -9 in -10..10", lambda z: math.tanh(8 * (z - 3)) - 0.5, (-10, 10)),
+    "a cubic beyond its turning point": ("z^3 - 3*z = 10*x", "z = 0.9 in -10..10", lambda z: z**3 - 3 * z - 20, (1, 10)),
+    "a quotient with a pole": ("1/z + z/100 = x", "z = 0 in 0..40", lambda z: 1 / z + z / 100 - 2, (1e-6, 10)),
+    "a pH": ("10^(-z) - 10^(z - 14) = 1e-9*x", "z = 1 in 0..14", lambda z: 10**-z - 10 ** (z - 14) - 2e-9, (0, 14)),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_starts_are_solved(name):
+    equation, guess, function, interval = HARD[name]
+    source = f"""
+time t : s
+state x = 2 in 0..10
+var {guess}
+eq {equation}
+eq d/dt x = -x/1 [s]
+observe x in 0..10
+episode {{ step = 0.01 [s], max_steps = 3 }}
+"""
+    right = scipy.optimize.brentq(function, *interval, xtol=1e-15, rtol=1e-14)
+    assert start(source)["z"] == pytest.approx(right, rel=1e-7)
+
+
+def test_a_steady_state_is_a_stored_start(tmp_path):
+    model = tmp_path / "cstr.eq"
+    model.write_text(CSTR.format(conditions=""))
+    stored, run = tmp_path / "s.csv", tmp_path / "run.csv"
+    subprocess.run([sys.executable, "-m", "smpl", "steady", str(model), "--out", str(stored)], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "smpl", "simulate", str(model), "--init", str(stored), "--out", str(run)], check=True, capture_output=True)
+    first, *_, last = np.genfromtxt(run, delimiter=",", names=True)
+    assert [first["c"], first["T"], first["m"]] == pytest.approx([last["c"], last["T"], last["m"]], rel=1e-7)
+    assert rates(first["c"], first["T"]) == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_guesses_of_algebraic_variables_choose_the_solution():
+    source = """
+time t : s
+state x = 4 in 0..10
+var z = 1
+eq z*z = x
+eq d/dt x = 0
+observe z in -10..10
+episode { step = 1 [s], max_steps = 3 }
+"""
+    assert start(source)["z"] == pytest.approx(2)
+    assert start(source, state={"z": -1.0})["z"] == pytest.approx(-2)
+
+
+STIFF_ROOT = """
+time t : s
+state x = 1
+var z = 1
+eq sqrt(z) = x
+eq d/dt x = -x/1 [s]
+observe x in -10..10
+solver {{ rtol = 1e-8, atol_factor = 1{retry} }}
+episode {{ step = 1 [s], max_steps = 1 }}
+"""
+
+
+def test_a_step_that_one_method_fails_in_is_taken_by_the_other():
+    made = env(STIFF_ROOT.format(retry=""))
+    made.reset(seed=1)
+    _, _, terminated, truncated, info = made.step(np.zeros(0))
+    assert (terminated, truncated, info["failure"]) == (False, True, "")
+    assert made.unwrapped.state == pytest.approx([math.exp(-1)], rel=1e-8)
+    assert made.unwrapped.solver_statistics["retries"] == 1
+    made = env(STIFF_ROOT.format(retry=", retry = false"))
+    made.reset(seed=1)
+    *_, info = made.step(np.zeros(0))
+    assert info["failure"].startswith("solver")
+
+
+def test_diagnose_reports_structure_scaling_and_silent_events(tmp_path):
+    model = tmp_path / "d.eq"
+    model.write_text("""
+time t : s
+state x = 1e7 in 0..1e9 scale 1
+state y = 1 in 0..2
+var z = 1
+var w = 1
+eq z + w*w = y
+eq z - w = 0.5
+eq d/dt x = -x/10 [s]
+eq d/dt y = -1000*(y - 1)/1 [s]
+event never when y > 1.5
+discrete count = 0
+at never { next count = count + 1 }
+observe x in 0..1e9
+episode { step = 1 [s], max_steps = 5 }
+""")
+    out = subprocess.run([sys.executable, "-m", "smpl", "diagnose", str(model), "--json"], check=True, capture_output=True, text=True).stdout
+    found = json.loads(out)
+    assert (found["states"], found["algebraic"]) == (2, len(sum((b["unknowns"] for b in found["blocks"]), [])))
+    assert [s["name"] for s in found["badly_scaled"]] == ["x"]
+    assert found["silent_events"] == ["never"]
+    assert found["slowest"] == pytest.approx([-0.1, 0]) and found["fastest"] == pytest.approx([-1000, 0])
+    assert found["wrong_entries"] == [] and found["start_failure"] is None
+    text = subprocess.run([sys.executable, "-m", "smpl", "diagnose", str(model)], check=True, capture_output=True, text=True).stdout
+    assert "never" in text and "-1000" in text
