@@ -1,0 +1,56 @@
+"""The check of plain English counts what its head lists, and nothing else."""
+
+import importlib.util
+import sys
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def prose() -> ModuleType:
+    loader = SourceFileLoader("prose", str(ROOT / ".ci/prose"))
+    spec = importlib.util.spec_from_loader("prose", loader)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["prose"] = module
+    loader.exec_module(module)
+    return module
+
+
+LONG = " ".join(["word"] * 31)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "rules"),
+    [
+        ("a.md", "Short sentence. Another one.\n", []),
+        ("a.md", f"{LONG}.\n", ["sentence"]),
+        ("a.md", f"{' '.join(['word'] * 20)}. {' '.join(['Word'] * 20)}.\n", ["width"]),
+        ("a.md", "The table stands beside the text.\n", ["idiom", "idiom"]),
+        ("a.md", "SI stands for a system; there is no other. `is none` and [told](told.md)\n", ["idiom"]),
+        ("a.md", f"```\n{LONG} stands beside\n```\n", []),
+        ("a.md", f"| short | {LONG} |\n|---|---|\n", ["sentence"]),
+        ("a.rs", "/// What has bounds.\nfn bounded() {}\n", ["opening"]),
+        ("a.rs", "/// Bounded quantities.\n///\n/// Which ones: all.\nfn bounded() {}\n", []),
+        ("a.rs", 'const TEXT: &str = "`x` is no function"; // a short comment\n', ["idiom"]),
+        ("a.rs", f"// {'long ' * 25}\n", ["width"]),
+        ("a.rs", f'const TEXT: &str = "{"x" * 110}";\n', []),
+        ("a.py", 'def f():\n    """Where to look."""\n    raise ValueError("x is at fault")\n', ["opening", "idiom"]),
+        ("a.py", "if x is None:  # the default\n    y = f'{x} is None'\n", []),
+    ],
+)
+def test_departures_are_counted(prose: ModuleType, tmp_path: Path, name: str, text: str, rules: list[str]) -> None:
+    prose.ROOT = tmp_path
+    (tmp_path / name).write_text(text)
+    assert sorted(one.rule for one in prose.check(tmp_path / name)) == sorted(rules)
+
+
+def test_written_budgets_fall_only(prose: ModuleType, tmp_path: Path) -> None:
+    prose.BUDGETS = tmp_path / "budgets.json"
+    prose.write({"a.md": {"idiom": 2, "width": 5}, "new.md": {"idiom": 1}}, {"a.md": {"idiom": 3, "width": 4}})
+    assert prose.json.loads(prose.BUDGETS.read_text()) == {"a.md": {"idiom": 2, "width": 4}}
