@@ -1,6 +1,6 @@
-"""The how-to guides, the pages for users of other tools and the page on limits run as they are printed.
+"""The how-to guides, the short tutorials, the pages for users of other tools and the page on limits run as printed.
 
-A section of a page is one task in a folder that holds `tank.eq` of the first page:
+A section of a page, or a tutorial, is one task in a folder that holds `tank.eq` of the first page:
 
 - a block with `title="NAME"` is the file NAME; a model must compile, unless its name begins with `faulty`;
 - a block `eq` without a title is appended to `tank.eq`;
@@ -30,6 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
     *sorted((ROOT / "docs/how-to").glob("*.md")),
     *sorted((ROOT / "docs/coming-from").glob("*.md")),
+    *sorted((ROOT / "docs/tutorials").glob("*.md")),
     ROOT / "docs/limits.md",
 ]
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.S | re.M)
@@ -55,6 +56,8 @@ MODULES = {
 def sections(page: Path) -> list[tuple[str, str]]:
     """Titles and texts of the sections of a page that have code."""
     text = page.read_text(encoding="utf-8")
+    if page.parent.name == "tutorials":
+        return [("all", text)]
     parts = re.split(r"^## (.+)$", text, flags=re.M)
     named = [("introduction", parts[0]), *zip(parts[1::2], parts[2::2], strict=True)]
     return [(title, body) for title, body in named if BLOCK.search(body)]
