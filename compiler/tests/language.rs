@@ -14,6 +14,7 @@ fn library(path: &str) -> Option<(String, String)> {
     let text = match path {
         "lib/streams.eq" => "connector Stream { Q : L/min, c : mol/L }\n",
         "lib/rates.eq" => "def arrhenius(k_0, E, T) = k_0 * exp(-E / T)\n",
+        "lib/money.eq" => "unit USD\nunit kUSD = 1000 [USD]\nparam fee : USD/s = 1\n",
         "lib/broken.eq" => "param k : 1/s = = 1\n",
         _ => return None,
     };

@@ -48,6 +48,8 @@ pub enum StatementKind {
     Import { path: String, path_span: Span },
     /// `time t : h`
     Time { name: Ident, unit: UnitExpr },
+    /// `unit USD`, a unit of a dimension of its own; `unit kUSD = 1000 [USD]`
+    Unit { name: Ident, size: Option<Expr>, text: Option<String> },
     /// `set species = { tropine, DMF }` or `set class = 1..9`
     Set { name: Ident, members: SetMembers, text: Option<String> },
     /// `table M[species] : g/mol = { ... }`, and the form with columns

@@ -13,6 +13,7 @@
 //! ```
 
 mod dimension;
+mod own;
 mod rational;
 mod resolve;
 mod scale;
@@ -20,6 +21,7 @@ mod table;
 mod unit;
 
 pub use dimension::{BASES, Dimension};
+pub use own::OwnUnits;
 pub use rational::Rational;
 pub use resolve::resolve;
 pub use scale::Scale;

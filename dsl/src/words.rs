@@ -5,6 +5,7 @@ const STATEMENTS: &[(&str, Option<&str>)] = &[
     ("model", Some("model Name \"text\"")),
     ("use", Some("use Component as name(parameter = value)")),
     ("time", Some("time t : min")),
+    ("unit", Some("unit USD, or unit kUSD = 1000 [USD]")),
     ("set", Some("set species = { a, b }")),
     ("table", None),
     ("def", Some("def f(a, b) = expression")),
@@ -92,7 +93,7 @@ pub fn is_reserved(word: &str) -> bool {
 }
 
 /// Words that mean something in one place only.
-const INSIDE: &[&str] = &["from", "linear", "bounds", "unit", "dt"];
+const INSIDE: &[&str] = &["from", "linear", "bounds", "dt"];
 
 /// Whether the word has a meaning of its own somewhere in the language. A name may be one where it is no reserved word, but a writer of
 /// texts does better without. What is built in is not among them.

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use smpl_dsl::parse;
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::{StatementKind, UnitExpr};
-use smpl_dsl::units::{Rational, Unit, resolve, symbols};
+use smpl_dsl::units::{OwnUnits, Rational, Unit, resolve, symbols};
 
 fn written(text: &str) -> UnitExpr {
     let source = format!("time t : {text}");
@@ -19,7 +19,23 @@ fn written(text: &str) -> UnitExpr {
 }
 
 fn unit(text: &str) -> Unit {
-    resolve(&written(text), &mut |_| Ok(Unit::one())).unwrap_or_else(|fault| panic!("{text}: {fault:?}"))
+    resolve(&written(text), &OwnUnits::default(), &mut |_| Ok(Unit::one())).unwrap_or_else(|fault| panic!("{text}: {fault:?}"))
+}
+
+#[test]
+fn declared_units_convert_by_their_sizes() {
+    let text = "unit kUSD = 1000 [USD]\nunit USD\nunit rate = 2.5 [kUSD/h]\n";
+    let file = parse(text, FileId(0)).file;
+    let (own, faults) = OwnUnits::declared(file.statements.iter().map(|statement| &statement.kind));
+    assert!(faults.is_empty(), "{faults:?}");
+    let unit = |text: &str| resolve(&written(text), &own, &mut |_| Ok(Unit::one())).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
+    // By hand: 2.5 * 1000 USD in an hour are 2500 * 24 USD a day.
+    assert_eq!(unit("rate").factor_to(&unit("USD/d")), Some(60_000.0));
+    assert_eq!(unit("USD^2/kUSD").factor_to(&unit("USD")), Some(1e-3));
+    assert_eq!(unit("USD").factor_to(&unit("kg")), None);
+    assert_eq!(unit("USD/kUSD").dimension(), Unit::one().dimension());
+    assert_eq!(unit("USD kg/h^2").describe(), "USD mass per time^2 [USD kg/h^2]");
+    assert_eq!(unit("USD^(1/2)").power(Rational::integer(2)), Some(unit("USD")));
 }
 
 #[test]
@@ -161,7 +177,7 @@ fn unknown_units_come_with_what_was_meant() {
         ("furlong", "with prefixes"),
     ];
     for (text, help) in cases {
-        let fault = resolve(&written(text), &mut |_| Ok(Unit::one())).expect_err(text);
+        let fault = resolve(&written(text), &OwnUnits::default(), &mut |_| Ok(Unit::one())).expect_err(text);
         assert_eq!(fault.code.id(), "E0301-unknown-unit");
         assert!(fault.help.as_deref().is_some_and(|given| given.starts_with(help)), "{text}: {:?}", fault.help);
     }
@@ -169,9 +185,9 @@ fn unknown_units_come_with_what_was_meant() {
 
 #[test]
 fn absurd_exponents_are_refused_not_wrapped() {
-    let fault = resolve(&written("m^900 m^900"), &mut |_| Ok(Unit::one())).expect_err("too large");
+    let fault = resolve(&written("m^900 m^900"), &OwnUnits::default(), &mut |_| Ok(Unit::one())).expect_err("too large");
     assert_eq!(fault.code.id(), "E0305-unit-overflow");
-    assert!(resolve(&written("km^999"), &mut |_| Ok(Unit::one())).is_err());
+    assert!(resolve(&written("km^999"), &OwnUnits::default(), &mut |_| Ok(Unit::one())).is_err());
 }
 
 fn any_unit() -> impl Strategy<Value = Unit> {

@@ -6,7 +6,7 @@ use std::path::Path;
 use smpl_compiler::elaborate::{BUILTINS, block_entries, built_in_names};
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::Role;
-use smpl_dsl::units::{Unit, symbols};
+use smpl_dsl::units::{OwnUnits, Unit, symbols};
 
 use crate::check::Facts;
 use crate::hover::{self, unit_of};
@@ -171,7 +171,7 @@ impl Proposals<'_> {
 
     fn symbol(&mut self, id: SymbolId, rank: u8) {
         let symbol = self.program.symbol(id);
-        let unit = unit_of(symbol, self.facts.get(&self.program.symbols().path(id)));
+        let unit = unit_of(self.program, symbol, self.facts.get(&self.program.symbols().path(id)));
         let unit = unit.filter(|unit| !unit.is_one()).map(|unit| format!("[{unit}]"));
         let text = symbol.text.clone().unwrap_or_else(|| symbol.kind.words().to_owned());
         let detail = unit.into_iter().chain([text]).collect::<Vec<_>>().join(" ");
@@ -242,8 +242,9 @@ impl Proposals<'_> {
 
     /// Units that the model writes.
     fn used_units(&mut self, expected: Option<&Unit>) {
-        let mut used: Vec<Unit> =
-            self.program.symbols().iter().filter_map(|(_, symbol)| symbol.unit.as_ref().and_then(hover::resolved)).collect();
+        let own = self.program.symbols().own_units();
+        let written = self.program.symbols().iter().filter_map(|(_, symbol)| hover::resolved(symbol.unit.as_ref()?, own));
+        let mut used: Vec<Unit> = written.chain(own.iter().map(|(_, unit)| unit.clone())).collect();
         used.dedup_by_key(|unit| unit.to_string());
         for unit in used {
             let rank = if expected.is_some_and(|e| e.commensurable(&unit)) { 1 } else { 2 };
@@ -318,7 +319,7 @@ impl Proposals<'_> {
         for id in list {
             self.symbol(id, 0);
             if let Some(last) = self.list.last_mut() {
-                let unit = unit_of(self.program.symbol(id), None).filter(|unit| !unit.is_one());
+                let unit = unit_of(self.program, self.program.symbol(id), None).filter(|unit| !unit.is_one());
                 let unit = unit.map(|unit| format!(" [{unit}]")).unwrap_or_default();
                 last.insert = format!("{} = ${{1:0}}{unit}", last.label);
                 last.snippet = true;
@@ -381,7 +382,7 @@ pub fn composed(written: &str) -> Option<Unit> {
     let text = format!("param x : {written}");
     let parsed = smpl_dsl::parse(&text, FileId(0));
     let smpl_dsl::syntax::StatementKind::Declare { declarations, .. } = &parsed.file.statements.first()?.kind else { return None };
-    hover::resolved(declarations.first()?.unit.as_ref()?)
+    hover::resolved(declarations.first()?.unit.as_ref()?, &OwnUnits::default())
 }
 
 #[cfg(test)]

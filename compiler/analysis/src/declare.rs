@@ -57,6 +57,11 @@ impl Declarer<'_> {
         let symbol = match &statement.kind {
             StatementKind::Model { name, text } => named(name, SymbolKind::Model, text),
             StatementKind::Time { name, unit } => Symbol { unit: Some(unit.clone()), ..named(name, SymbolKind::Time, &None) },
+            StatementKind::Unit { name, size, text } => {
+                let value = size.as_ref().map(|e| e.span);
+                self.symbols.declare(Symbol { value, ..named(name, SymbolKind::Unit, text) });
+                return;
+            }
             StatementKind::Table(table) => return self.table(table, within, at),
             StatementKind::TimeTable(table) => {
                 Symbol { unit: table.unit.clone(), ..named(&table.name, SymbolKind::TimeTable, &table.text) }

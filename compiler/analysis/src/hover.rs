@@ -5,7 +5,7 @@ use std::ops::Range;
 use smpl_compiler::model::Quantity;
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::{Declaration, Role, Statement, StatementKind, UnitExpr};
-use smpl_dsl::units::{Unit, resolve};
+use smpl_dsl::units::{OwnUnits, Unit, resolve};
 use smpl_dsl::{latex, words};
 
 use crate::check::{Fact, Facts};
@@ -86,7 +86,8 @@ pub fn describe(program: &Program, facts: &Facts, id: SymbolId) -> String {
         let owner = program.symbol(within);
         line.push(format!("of the {} `{}`", owner.kind.words(), owner.name));
     }
-    line.extend(unit_of(symbol, fact).map(|unit| format!("— {}", unit.describe())));
+    let unit = unit_of(program, symbol, fact).or_else(|| own_unit(program, symbol));
+    line.extend(unit.map(|unit| format!("— {}", unit.describe())));
     parts.push(line.join(" "));
     parts.extend(fact.and_then(|fact| numbers(symbol, fact)));
     parts.extend(size(symbol, fact));
@@ -127,10 +128,16 @@ pub fn role_keyword(role: Role) -> &'static str {
     }
 }
 
+/// The meaning of a symbol that declares a unit.
+fn own_unit(program: &Program, symbol: &Symbol) -> Option<Unit> {
+    (symbol.kind == SymbolKind::Unit).then(|| program.symbols().own_units().get(&symbol.name).cloned()).flatten()
+}
+
 /// The unit of a symbol: declared, else derived by the compiler.
 #[must_use]
-pub fn unit_of(symbol: &Symbol, fact: Option<&Fact>) -> Option<Unit> {
-    let declared = symbol.unit.as_ref().and_then(resolved);
+pub fn unit_of(program: &Program, symbol: &Symbol, fact: Option<&Fact>) -> Option<Unit> {
+    let own = program.symbols().own_units();
+    let declared = symbol.unit.as_ref().and_then(|unit| resolved(unit, own));
     declared.or_else(|| fact?.unit.clone()).or_else(|| match symbol.kind {
         SymbolKind::Variable(role) if role != Role::Let && role != Role::Random => Some(Unit::one()),
         _ => None,
@@ -139,11 +146,11 @@ pub fn unit_of(symbol: &Symbol, fact: Option<&Fact>) -> Option<Unit> {
 
 /// The meaning of a written unit; `None` for units of other quantities and unknown symbols.
 #[must_use]
-pub fn resolved(unit: &UnitExpr) -> Option<Unit> {
+pub fn resolved(unit: &UnitExpr, own: &OwnUnits) -> Option<Unit> {
     let refuse = |e: &smpl_dsl::syntax::Expr| {
         Err(smpl_dsl::diagnostic::Diagnostic::error(smpl_dsl::diagnostic::codes::UNKNOWN_UNIT, "not known here", e.span))
     };
-    resolve(unit, &mut { refuse }).ok()
+    resolve(unit, own, &mut { refuse }).ok()
 }
 
 /// Values and bounds of a variable, from the compiler.

@@ -281,7 +281,7 @@ impl<'t> Line<'t> {
         let scope = program.scope_at(file, self.prefix.start);
         let of = |id: SymbolId| {
             let symbol = program.symbol(id);
-            unit_of(symbol, facts.get(&program.symbols().path(id)))
+            unit_of(program, symbol, facts.get(&program.symbols().path(id)))
         };
         let equals = (0..self.tokens.len()).rev().find(|&i| self.word(i) == "=")?;
         let name = self.path_before(equals);

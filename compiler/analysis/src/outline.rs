@@ -268,7 +268,9 @@ fn of_symbol(program: &Program, id: SymbolId) -> Colour {
         SymbolKind::Variable(Role::Var | Role::Let) | SymbolKind::Flux | SymbolKind::Time => Colour::Variable,
         SymbolKind::Argument | SymbolKind::Index => Colour::Parameter,
         SymbolKind::Member | SymbolKind::Choose => Colour::Member,
-        SymbolKind::Set | SymbolKind::Domain | SymbolKind::Connector | SymbolKind::Component | SymbolKind::Model => Colour::Type,
+        SymbolKind::Unit | SymbolKind::Set | SymbolKind::Domain | SymbolKind::Connector | SymbolKind::Component | SymbolKind::Model => {
+            Colour::Type
+        }
         SymbolKind::Instance | SymbolKind::Port => Colour::Instance,
         SymbolKind::Function => Colour::Function,
         SymbolKind::Level

@@ -188,7 +188,11 @@ impl Program {
         let own: Vec<SymbolId> = scope.iter().flat_map(|scope| self.symbols().members(Some(*scope))).map(|(id, _)| id).collect();
         let outer = self.symbols().members(None).map(|(id, _)| id);
         let hidden = |id: &SymbolId| scope.is_some_and(|s| self.symbols().find(Some(s), true, &self.symbol(*id).name).is_some());
-        own.iter().copied().chain(outer.filter(|id| !hidden(id))).filter(|id| self.symbol(*id).kind != SymbolKind::Model).collect()
+        own.iter()
+            .copied()
+            .chain(outer.filter(|id| !hidden(id)))
+            .filter(|id| !matches!(self.symbol(*id).kind, SymbolKind::Model | SymbolKind::Unit))
+            .collect()
     }
 }
 

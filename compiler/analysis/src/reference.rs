@@ -13,6 +13,7 @@ pub(crate) const STATEMENTS: &[(&str, &str, &str)] = &[
     ("model", "names the model", "model ${1:Name} \"${2:text}\""),
     ("use", "imports a file or makes an instance of a component", "use ${1:Component} as ${2:name}($3)"),
     ("time", "names the independent variable and its unit", "time ${1:t} : ${2:min}"),
+    ("unit", "declares a unit of measure: one of a new dimension, or a multiple of another unit", "unit ${1:kUSD} = ${2:1000} [${3:USD}]"),
     ("set", "declares an index set", "set ${1:species} = { ${2:a, b} }"),
     ("table", "declares numbers over sets or over time", "table ${1:name}[${2:set}] : ${3:unit} = {\n  ${4:member}: ${5:0}\n}"),
     ("def", "declares a function", "def ${1:f}(${2:x}) = ${3:x}"),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use smpl_dsl::span::Span;
+use smpl_dsl::units::Unit;
 use smpl_dsl::words;
 
 use crate::program::{Program, imports};
@@ -180,6 +181,9 @@ fn valid(program: &Program, id: SymbolId, new: &str) -> Result<(), String> {
     }
     if words::is_word(new) {
         return Err(format!("`{new}` is a word of the language"));
+    }
+    if program.symbol(id).kind == SymbolKind::Unit && Unit::named(new).is_some() {
+        return Err(format!("`{new}` is a built-in unit"));
     }
     if is_built_in(new) && program.symbol(id).kind.is_value() {
         return Err(format!("`{new}` is a built-in name, whose meaning the declaration would hide"));

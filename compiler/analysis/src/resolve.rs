@@ -5,6 +5,7 @@ use smpl_dsl::syntax::{
     Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
     TableCells, UnitBase, UnitExpr,
 };
+use smpl_dsl::units::OwnUnits;
 
 use crate::declare::{Declarer, site};
 use crate::symbols::{Symbol, SymbolId, SymbolKind, Symbols};
@@ -64,6 +65,8 @@ pub(crate) fn resolve(files: &[&File]) -> Resolved {
     for file in files {
         Declarer { symbols: &mut out.symbols }.statements(&file.statements, None);
     }
+    let kinds = files.iter().flat_map(|file| &file.statements).map(|statement| &statement.kind);
+    out.symbols.set_own_units(OwnUnits::declared(kinds).0);
     for file in files {
         Resolver { out: &mut out, within: None, locals: Vec::new() }.statements(&file.statements);
     }
@@ -148,6 +151,9 @@ impl Resolver<'_> {
         match &statement.kind {
             StatementKind::Model { .. } | StatementKind::Import { .. } | StatementKind::Choice { .. } => {}
             StatementKind::Time { unit, .. } => self.unit(unit),
+            StatementKind::Unit { size, .. } => size.iter().for_each(|size| {
+                self.expr(size);
+            }),
             StatementKind::Set { members, .. } => {
                 if let SetMembers::Range(low, high) = members {
                     self.exprs([low, high]);
@@ -451,7 +457,10 @@ impl Resolver<'_> {
     fn unit(&mut self, unit: &UnitExpr) {
         for factor in &unit.factors {
             match &factor.base {
-                UnitBase::Symbol(symbol) => self.out.built_in.push((symbol.span, BuiltIn::Unit)),
+                UnitBase::Symbol(symbol) => match self.out.symbols.unit(&symbol.text) {
+                    Some(unit) => self.use_of(symbol.span, unit),
+                    None => self.out.built_in.push((symbol.span, BuiltIn::Unit)),
+                },
                 UnitBase::Of(e) => {
                     self.expr(e);
                 }

@@ -236,7 +236,7 @@ pub fn complete(program: &Program, facts: &Facts, text: &str, offset: usize) -> 
     let symbols = program.symbols();
     let found = symbols.members(None).filter(|(_, symbol)| fits(symbol.kind));
     let proposals = found.map(|(id, symbol)| {
-        let unit = unit_of(symbol, facts.get(&symbols.path(id))).filter(|unit| !unit.is_one()).map(|unit| format!("[{unit}] "));
+        let unit = unit_of(program, symbol, facts.get(&symbols.path(id))).filter(|unit| !unit.is_one()).map(|unit| format!("[{unit}] "));
         let detail = unit.unwrap_or_default() + symbol.text.as_deref().unwrap_or_default();
         Proposal { kind: ProposalKind::Symbol(symbol.kind), ..plain(&symbol.name, &detail, symbol.name.clone()) }
     });

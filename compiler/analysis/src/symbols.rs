@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Role, UnitExpr};
+use smpl_dsl::units::OwnUnits;
 
 /// A symbol of a [`crate::program::Program`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -16,6 +17,8 @@ pub enum SymbolKind {
     Model,
     /// The independent variable.
     Time,
+    /// A declared unit.
+    Unit,
     /// An index set.
     Set,
     /// A member of a set.
@@ -81,6 +84,7 @@ impl SymbolKind {
         match self {
             SymbolKind::Model => "model",
             SymbolKind::Time => "time",
+            SymbolKind::Unit => "unit",
             SymbolKind::Set => "index set",
             SymbolKind::Member => "member of a set",
             SymbolKind::Table => "table",
@@ -216,6 +220,9 @@ impl Symbol {
 #[derive(Clone, Debug, Default)]
 pub struct Symbols {
     list: Vec<Symbol>,
+    /// Units by symbol: a name space of their own.
+    units: HashMap<String, SymbolId>,
+    own: OwnUnits,
     by_name: HashMap<(Option<SymbolId>, bool), HashMap<String, SymbolId>>,
 }
 
@@ -242,6 +249,23 @@ impl Symbols {
     pub fn lookup(&self, within: Option<SymbolId>, name: &str) -> Option<SymbolId> {
         let here = within.and_then(|_| self.find(within, true, name).or_else(|| self.find(within, false, name)));
         here.or_else(|| self.find(None, true, name)).or_else(|| self.find(None, false, name))
+    }
+
+    /// The declared unit of a symbol.
+    #[must_use]
+    pub fn unit(&self, symbol: &str) -> Option<SymbolId> {
+        self.units.get(symbol).copied()
+    }
+
+    /// Meanings of the declared units.
+    #[must_use]
+    pub fn own_units(&self) -> &OwnUnits {
+        &self.own
+    }
+
+    /// Sets the meanings of the declared units.
+    pub(crate) fn set_own_units(&mut self, own: OwnUnits) {
+        self.own = own;
     }
 
     /// Symbols of one scope, in the order of their declaration.
@@ -272,7 +296,10 @@ impl Symbols {
 
     /// Adds a symbol, or a declaration to the symbol of that name and scope.
     pub(crate) fn declare(&mut self, symbol: Symbol) -> SymbolId {
-        let names = self.by_name.entry((symbol.within, symbol.kind.is_value())).or_default();
+        let names = match symbol.kind {
+            SymbolKind::Unit => &mut self.units,
+            _ => self.by_name.entry((symbol.within, symbol.kind.is_value())).or_default(),
+        };
         match names.get(&symbol.name) {
             Some(&known) => {
                 self.list[known.0 as usize].sites.extend(symbol.sites);

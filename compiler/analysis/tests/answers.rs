@@ -329,3 +329,17 @@ fn mistakes_of_beginners_are_offered_an_edit() {
         assert!(after.contains(part), "{part:?} is missing in {after}");
     }
 }
+
+#[test]
+fn declared_units_are_proposed_explained_and_renamed() {
+    let text = "unit USD \"dollar\"\nunit kUSD = 1000 [USD]\nparam p : kUSD = 1\n";
+    let at = text.rfind("USD").expect("the last unit");
+    let shown = hovered(text, at);
+    assert!(shown.contains("unit kUSD = 1000 [USD]") && shown.contains("USD [kUSD]"), "{shown}");
+    assert!(labels("unit USD\nparam p : kU‸SD = 1\n").contains(&"USD".to_owned()));
+    let texts = Memory::of([("m.eq", text)]);
+    let program = program(&texts, "m.eq");
+    let id = program.occurrence_at(FileId(0), at).expect("a symbol").symbol;
+    assert_eq!(rename(&program, id, "tUSD", &texts).map(|edits| edits.len()), Ok(2));
+    assert!(rename(&program, id, "kmol", &texts).is_err());
+}

@@ -4,7 +4,7 @@
 //! declaration is seen, which is said.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::syntax::{Ident, StatementKind, TimeTable};
+use smpl_dsl::syntax::{Ident, Statement, StatementKind, TimeTable};
 
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::builtins;
@@ -52,6 +52,17 @@ pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnost
 }
 
 impl Ledger {
+    /// Refuses units with the name of something built in: `value(x, pi)` would have two meanings.
+    pub(in crate::elaborate) fn check_unit_names(&mut self, list: &[Item<'_>]) {
+        for item in list {
+            let Item::Other(Statement { kind: StatementKind::Unit { name, .. }, .. }) = item else { continue };
+            if is_built_in(&name.text) {
+                let message = format!("`{}` is a built-in name and cannot be a unit", name.text);
+                self.report(Diagnostic::error(codes::DUPLICATE_NAME, message, name.span).help("choose another symbol"));
+            }
+        }
+    }
+
     /// Warns of declarations of a block that take the place of built-in names. An array and what is no number do not: without an index they
     /// are faults, which say so.
     pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'_>]) {

@@ -10,7 +10,7 @@ mod tables;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, Ident, Statement, StatementKind};
-use smpl_dsl::units::Unit;
+use smpl_dsl::units::{OwnUnits, Unit};
 
 use crate::elaborate::declare::declarations::Turn;
 use crate::elaborate::declare::declaring::Declaring;
@@ -32,8 +32,21 @@ impl<'a> Declaring<'_, 'a> {
                 self.register(statement);
             }
         }
+        self.declare_units(&list);
         self.declare_time(root, &list);
         self.declare_block(root, list, 0);
+    }
+
+    /// Declares the units of the model: everything else may be in them.
+    fn declare_units(&mut self, list: &[Item<'a>]) {
+        let statements = list.iter().filter_map(|item| match item {
+            Item::Other(statement) => Some(&statement.kind),
+            Item::Declare(..) | Item::Observe(_) | Item::At(..) => None,
+        });
+        let (units, faults) = OwnUnits::declared(statements);
+        self.symbols.units = units;
+        faults.into_iter().for_each(|fault| self.work.ledger.report(fault));
+        self.work.ledger.check_unit_names(list);
     }
 
     /// Declares what a component may see of the file, without what belongs to the file's own model.
@@ -44,6 +57,7 @@ impl<'a> Declaring<'_, 'a> {
             Item::Other(statement) => self.register(statement),
             Item::Declare(..) | Item::Observe(_) | Item::At(..) => {}
         });
+        self.declare_units(&list);
         self.declare_time(root, &list);
         let instances = list.iter().filter_map(|item| match item {
             Item::Other(Statement { kind: StatementKind::Instance { name, .. }, .. }) => Some(name),
@@ -163,6 +177,11 @@ impl<'a> Declaring<'_, 'a> {
                 self.declare(scope, name, SymbolKind::Def { parameters, body });
             }
             StatementKind::Domain(domain) => self.declare_domain(scope, domain),
+            StatementKind::Unit { name, .. } if scope != ScopeId::from_u32(0) => {
+                let message = format!("the unit `{}` is declared inside of a component", name.text);
+                let fault = Diagnostic::error(codes::WRONG_KIND, message, name.span);
+                self.work.ledger.report(fault.help("declare it outside of all components: units belong to the whole model"));
+            }
             _ => {}
         }
     }

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use cranelift_entity::{PrimaryMap, entity_impl};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Phase, TimeTableKind};
-use smpl_dsl::units::Unit;
+use smpl_dsl::units::{OwnUnits, Unit};
 
 use crate::ir::{FastMap, VarId};
 use crate::model::Variable;
@@ -247,6 +247,8 @@ pub(super) struct Symbols<'a> {
     pub vars: PrimaryMap<VarId, Variable>,
     /// The symbol of each declared variable.
     pub of_var: FastMap<VarId, SymbolId>,
+    /// Units that the model declares.
+    pub units: OwnUnits,
     /// The phases.
     pub schedule: Option<Schedule<'a>>,
     /// Ports of all instances.
@@ -265,6 +267,7 @@ impl Default for Symbols<'_> {
             sets: PrimaryMap::new(),
             domains: PrimaryMap::new(),
             vars: PrimaryMap::new(),
+            units: OwnUnits::default(),
             schedule: None,
             of_var: FastMap::default(),
             ports: Vec::new(),

@@ -216,6 +216,15 @@ fn binary(text: &str) -> (BinaryOp, u8) {
     }
 }
 
+/// A number with its unit.
+pub(super) fn size(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Expr> {
+    let span = context.span(&pair);
+    let mut children = Children::new(pair);
+    let value = number_value(context, &children.expect(context, Rule::number)?)?;
+    let unit = super::unit::brackets(context, children.expect(context, Rule::unit_brackets)?)?;
+    Ok(Expr { span, kind: ExprKind::Number { value, unit: Some(unit) } })
+}
+
 /// The value of a number; one that is too large for double precision is refused.
 pub(super) fn number_value(context: &Context<'_>, pair: &Pair<'_, Rule>) -> Fallible<f64> {
     let value = pair.as_str().parse::<f64>().ok().filter(|value| value.is_finite());

@@ -28,6 +28,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::close => "`}`",
         Rule::unit | Rule::unit_symbol | Rule::unit_group | Rule::unit_of => "a unit",
         Rule::unit_brackets => BRACKETS,
+        Rule::size => "a number with its unit",
         Rule::kw_at => "`at`",
         Rule::kw_bounds => "`bounds`",
         Rule::kw_columns => "`columns:`",

@@ -15,6 +15,7 @@ pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
         "use" if rest.starts_with('"') => Rule::import,
         "use" => Rule::instances,
         "time" => Rule::time,
+        "unit" => Rule::own_unit,
         "set" => Rule::set,
         "table" => Rule::table,
         "def" => Rule::def,
@@ -62,6 +63,7 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
     match context.keyword {
         "model" => Ok(StatementKind::Model { name: children.name(context)?, text: children.text() }),
         "time" => time(context, children),
+        "unit" => own_unit(context, children),
         "set" => table::set(context, children),
         "table" => table::table(context, children),
         "def" => def(context, children),
@@ -104,6 +106,13 @@ fn time(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
     let name = children.name(context)?;
     children.skip(Rule::colon);
     Ok(StatementKind::Time { name, unit: unit::unit(context, children.expect(context, Rule::unit)?)? })
+}
+
+fn own_unit(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    children.skip(Rule::equals);
+    let size = children.take(Rule::size).map(|pair| expression::size(context, pair)).transpose()?;
+    Ok(StatementKind::Unit { name, size, text: children.text() })
 }
 
 fn def(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {

@@ -1,6 +1,7 @@
 //! Dimensions: exponents of the base quantities.
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::Rational;
 
@@ -17,15 +18,18 @@ pub const BASES: [(&str, &str); 9] = [
     ("units", "unit"),
 ];
 
-/// The dimension of a quantity: a product of powers of the base quantities, in the order of [`BASES`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// The dimension of a quantity: a product of powers of the base quantities, in the order of [`BASES`], and of the dimensions that a
+/// model declares by `unit NAME`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Dimension {
     exponents: [Rational; BASES.len()],
+    /// Declared dimensions with exponents other than 0, sorted by name.
+    own: Vec<(Arc<str>, Rational)>,
 }
 
 impl Dimension {
     /// The dimension of a number.
-    pub const NONE: Self = Self { exponents: [Rational::ZERO; BASES.len()] };
+    pub const NONE: Self = Self { exponents: [Rational::ZERO; BASES.len()], own: Vec::new() };
 
     /// From integer exponents in the order of [`BASES`]; those left out are 0.
     #[must_use]
@@ -35,6 +39,18 @@ impl Dimension {
             *slot = Rational::integer(i32::from(*exponent));
         }
         dimension
+    }
+
+    /// The dimension that a model declares by `unit NAME`.
+    #[must_use]
+    pub fn own(name: &str) -> Self {
+        Self { own: vec![(name.into(), Rational::ONE)], ..Self::NONE }
+    }
+
+    /// Returns whether dimensions that a model declares are among its factors.
+    #[must_use]
+    pub fn has_own(&self) -> bool {
+        !self.own.is_empty()
     }
 
     /// The exponents in the order of [`BASES`].
@@ -52,28 +68,38 @@ impl Dimension {
     /// Dimension of a product; `None` beyond the range of exponents.
     #[must_use]
     pub fn multiply(&self, other: &Self) -> Option<Self> {
-        let mut product = *self;
+        let mut product = self.clone();
         for (slot, exponent) in product.exponents.iter_mut().zip(other.exponents) {
             *slot = small(slot.plus(exponent)?)?;
         }
+        for (name, exponent) in &other.own {
+            match product.own.binary_search_by(|(known, _)| known.cmp(name)) {
+                Ok(at) => product.own[at].1 = small(product.own[at].1.plus(*exponent)?)?,
+                Err(at) => product.own.insert(at, (name.clone(), *exponent)),
+            }
+        }
+        product.own.retain(|(_, exponent)| !exponent.is_zero());
         Some(product)
     }
 
     /// Dimension of a power; `None` beyond the range of exponents.
     #[must_use]
     pub fn power(&self, exponent: Rational) -> Option<Self> {
-        let mut power = *self;
-        for slot in &mut power.exponents {
+        let mut power = self.clone();
+        for slot in power.exponents.iter_mut().chain(power.own.iter_mut().map(|(_, own)| own)) {
             *slot = small(slot.multiply(exponent)?)?;
         }
+        power.own.retain(|(_, exponent)| !exponent.is_zero());
         Some(power)
     }
 
     /// Whether one is a power of the other, as a volume is of a length.
     #[must_use]
     pub fn is_power_of(&self, other: &Self) -> bool {
-        let pairs = || self.exponents.iter().zip(&other.exponents);
-        let ratio = pairs().find(|(a, _)| !a.is_zero()).and_then(|(a, b)| b.multiply(a.reciprocal()?));
+        let of = |name: &Arc<str>| other.own.iter().find(|(known, _)| known == name).map_or(Rational::ZERO, |(_, exponent)| *exponent);
+        let base = self.exponents.iter().copied().zip(other.exponents);
+        let mut pairs = base.chain(self.own.iter().map(|(name, exponent)| (*exponent, of(name))));
+        let ratio = pairs.find(|(a, _)| !a.is_zero()).and_then(|(a, b)| b.multiply(a.reciprocal()?));
         ratio.filter(|ratio| !ratio.is_zero()).and_then(|ratio| self.power(ratio)).is_some_and(|power| power == *other)
     }
 
@@ -88,6 +114,9 @@ impl Dimension {
     pub fn describe(&self) -> String {
         if let Some(name) = self.name() {
             return name.to_owned();
+        }
+        if !self.own.is_empty() {
+            return self.spelled_out();
         }
         let time = Self::of(&[0, 0, 1]);
         let per_time = self.multiply(&time).and_then(|integral| integral.name());
@@ -108,9 +137,10 @@ impl Dimension {
     /// `mass length^2 per time^3`
     fn spelled_out(&self) -> String {
         let part = |negative: bool| {
-            let factors =
-                BASES.iter().zip(self.exponents).filter(|(_, exponent)| (exponent.numerator() < 0) == negative && !exponent.is_zero());
-            let words = factors.map(|((name, _), exponent)| raised(name, if negative { exponent.negate() } else { exponent }));
+            let own = self.own.iter().map(|(name, exponent)| (&**name, *exponent));
+            let all = own.chain(BASES.iter().zip(self.exponents).map(|((name, _), exponent)| (*name, exponent)));
+            let factors = all.filter(|(_, exponent)| (exponent.numerator() < 0) == negative && !exponent.is_zero());
+            let words = factors.map(|(name, exponent)| raised(name, if negative { exponent.negate() } else { exponent }));
             words.collect::<Vec<_>>().join(" ")
         };
         match (part(false), part(true)) {
@@ -125,7 +155,7 @@ impl Dimension {
 impl fmt::Display for Dimension {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let factors = BASES.iter().zip(self.exponents).map(|((_, symbol), exponent)| (*symbol, exponent));
-        formatter.write_str(&product(factors))
+        formatter.write_str(&product(self.own.iter().map(|(name, exponent)| (&**name, *exponent)).chain(factors)))
     }
 }
 

@@ -4,22 +4,23 @@
 
 use std::sync::LazyLock;
 
-use super::{Rational, Unit, table};
-use crate::diagnostic::{Diagnostic, codes, suggest};
+use super::{OwnUnits, Rational, Unit, table};
+use crate::diagnostic::{Diagnostic, codes, did_you_mean, suggest};
 use crate::span::Span;
 use crate::syntax::{Expr, Ident, UnitBase, UnitExpr, UnitFactor};
 
-/// The unit that an expression of units stands for, as one that stands in the text. `unit_of` gives the unit of differences of the expression in `unit(x)`.
+/// The unit that an expression of units stands for, as one that stands in the text. `own` are the units that the model declares; `unit_of`
+/// gives the unit of differences of the expression in `unit(x)`.
 ///
 /// # Errors
 /// A symbol that is not in the table (with the one probably meant), or exponents and factors beyond what can be represented.
-pub fn resolve(written: &UnitExpr, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
+pub fn resolve(written: &UnitExpr, own: &OwnUnits, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
     if let [UnitFactor { base: UnitBase::Symbol(symbol), exponent: (1, 1) }] = written.factors.as_slice() {
-        return named(symbol);
+        return named(symbol, own);
     }
     let mut product = Unit::one();
     for factor in &written.factors {
-        let base = base(&factor.base, unit_of)?;
+        let base = base(&factor.base, own, unit_of)?;
         let exponent = Rational::new(factor.exponent.0.into(), factor.exponent.1.into());
         let power = exponent.and_then(|exponent| base.power(exponent));
         product = power.and_then(|power| product.multiply(&power)).ok_or_else(|| overflow(written.span))?;
@@ -27,18 +28,21 @@ pub fn resolve(written: &UnitExpr, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit
     Ok(product.as_written())
 }
 
-fn base(base: &UnitBase, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
+fn base(base: &UnitBase, own: &OwnUnits, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
     match base {
-        UnitBase::Symbol(symbol) => named(symbol),
+        UnitBase::Symbol(symbol) => named(symbol, own),
         UnitBase::Of(expr) => unit_of(expr).map(|unit| unit.difference()),
         UnitBase::Number(value, span) => Unit::number(*value).ok_or_else(|| overflow(*span)),
     }
 }
 
-fn named(symbol: &Ident) -> Result<Unit, Diagnostic> {
-    Unit::named(&symbol.text).ok_or_else(|| {
+fn named(symbol: &Ident, own: &OwnUnits) -> Result<Unit, Diagnostic> {
+    Unit::named(&symbol.text).or_else(|| own.get(&symbol.text).cloned()).ok_or_else(|| {
         let message = format!("unknown unit `{}`", symbol.text);
-        Diagnostic::error(codes::UNKNOWN_UNIT, message, symbol.span).label("not a unit").maybe_help(meant(&symbol.text))
+        let declared = did_you_mean(&symbol.text, own.iter().map(|(known, _)| known));
+        Diagnostic::error(codes::UNKNOWN_UNIT, message, symbol.span)
+            .label("not a unit")
+            .maybe_help(declared.or_else(|| meant(&symbol.text)))
     })
 }
 

@@ -28,11 +28,32 @@ struct Meaning {
     scale: Scale,
     kind: UnitKind,
     /// Factors as written, for messages.
-    factors: Vec<(String, Rational)>,
+    factors: Vec<Factor>,
     /// Whether it stands in a text, and did not come about by arithmetic.
     written: bool,
     /// Whether its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
     between_points: bool,
+}
+
+/// A power of a symbol, or of a number.
+#[derive(Clone, Debug)]
+struct Factor {
+    symbol: String,
+    exponent: Rational,
+    /// The unit of a symbol that the model declares.
+    own: Option<Unit>,
+}
+
+impl Factor {
+    /// A symbol of the table, or a number.
+    fn of(symbol: impl Into<String>) -> Self {
+        Self { symbol: symbol.into(), exponent: Rational::ONE, own: None }
+    }
+
+    /// The unit of the symbol; `None` for a number.
+    fn unit(&self) -> Option<Unit> {
+        self.own.clone().or_else(|| Unit::named(&self.symbol))
+    }
 }
 
 /// From a number in one unit to the number in another: `to = factor * from + offset`.
@@ -45,12 +66,12 @@ pub struct Conversion {
 }
 
 impl Unit {
-    fn new(dimension: Dimension, scale: Scale, kind: UnitKind, factors: Vec<(String, Rational)>) -> Self {
+    fn new(dimension: Dimension, scale: Scale, kind: UnitKind, factors: Vec<Factor>) -> Self {
         Self(Arc::new(Meaning { dimension, scale, kind, factors, written: true, between_points: false }))
     }
 
     /// What arithmetic makes.
-    fn made(dimension: Dimension, scale: Scale, factors: Vec<(String, Rational)>) -> Option<Self> {
+    fn made(dimension: Dimension, scale: Scale, factors: Vec<Factor>) -> Option<Self> {
         scale
             .is_valid()
             .then(|| Self(Arc::new(Meaning { dimension, scale, kind: UnitKind::Linear, factors, written: false, between_points: false })))
@@ -69,10 +90,10 @@ impl Unit {
         // A factor that is no symbol is a number.
         let parts: Vec<(Dimension, bool)> = factors
             .iter()
-            .map(|(symbol, _)| Self::named(symbol).map_or((Dimension::NONE, true), |unit| (unit.0.dimension, unit.0.scale != Scale::ONE)))
+            .map(|factor| factor.unit().map_or((Dimension::NONE, true), |unit| (unit.0.dimension.clone(), unit.0.scale != Scale::ONE)))
             .collect();
-        let ratio = |&(dimension, scaled): &(Dimension, bool)| dimension.is_none() && scaled;
-        let alone = matches!(factors.as_slice(), [(_, exponent)] if *exponent == Rational::ONE);
+        let ratio = |(dimension, scaled): &(Dimension, bool)| dimension.is_none() && *scaled;
+        let alone = matches!(factors.as_slice(), [factor] if factor.exponent == Rational::ONE);
         let mixed = |i: usize| parts[..i].iter().any(|(d, scaled)| (*scaled || parts[i].1) && parts[i].0.is_power_of(d));
         !self.0.written && (parts.iter().any(ratio) && !alone || (0..parts.len()).any(mixed))
     }
@@ -91,15 +112,26 @@ impl Unit {
             let (prefix, unit) = table::find(symbol)?;
             let scale = prefix.map_or(unit.scale(), |prefix| prefix.scale().multiply(unit.scale()));
             let kind = unit.zero().map_or(UnitKind::Linear, |zero| UnitKind::Point { zero });
-            Some(Self::new(unit.dimension(), scale, kind, vec![(symbol.to_owned(), Rational::ONE)]))
+            Some(Self::new(unit.dimension(), scale, kind, vec![Factor::of(symbol)]))
         })
+    }
+
+    /// A unit that a model declares: of a new dimension, or `size` units of another one.
+    #[must_use]
+    pub(super) fn declared(symbol: &str, size: Option<&Self>) -> Self {
+        let (dimension, scale) = match size {
+            Some(size) => (size.0.dimension.clone(), size.0.scale),
+            None => (Dimension::own(symbol), Scale::ONE),
+        };
+        let bare = Self::new(dimension.clone(), scale, UnitKind::Linear, vec![]);
+        Self::new(dimension, scale, UnitKind::Linear, vec![Factor { own: Some(bare), ..Factor::of(symbol) }])
     }
 
     /// A pure number as a unit, as in `100 mL`; `None` unless it is positive and finite.
     #[must_use]
     pub fn number(value: f64) -> Option<Self> {
         let scale = Scale::from_decimal(value);
-        let factors = vec![(format!("{value}"), Rational::ONE)];
+        let factors = vec![Factor::of(format!("{value}"))];
         scale.is_valid().then(|| Self::new(Dimension::NONE, scale, UnitKind::Linear, factors))
     }
 
@@ -156,7 +188,7 @@ impl Unit {
     }
 
     fn between(&self) -> Self {
-        let factors = if self.0.scale == Scale::ONE { vec![("K".to_owned(), Rational::ONE)] } else { self.0.factors.clone() };
+        let factors = if self.0.scale == Scale::ONE { vec![Factor::of("K")] } else { self.0.factors.clone() };
         Self(Arc::new(Meaning { kind: UnitKind::Linear, factors, between_points: true, ..(*self.0).clone() }))
     }
 
@@ -188,8 +220,8 @@ impl Unit {
         let dimension = self.0.dimension.multiply(&other.0.dimension)?;
         let scale = self.0.scale.multiply(other.0.scale);
         let mut factors = self.difference().0.factors.clone();
-        for (symbol, exponent) in &other.difference().0.factors {
-            add_factor(&mut factors, symbol, *exponent)?;
+        for factor in &other.difference().0.factors {
+            add_factor(&mut factors, factor)?;
         }
         let known = !dimension.is_none() && (self.difference().0.between_points || other.difference().0.between_points);
         Some(Self::made(dimension, scale, factors)?.between_points(known))
@@ -221,10 +253,10 @@ impl Unit {
 
     fn raised(&self, exponent: Rational) -> Option<Self> {
         let mut factors = Vec::with_capacity(self.0.factors.len());
-        for (symbol, own) in &self.difference().0.factors {
-            let product = own.multiply(exponent)?;
+        for factor in &self.difference().0.factors {
+            let product = factor.exponent.multiply(exponent)?;
             if !product.is_zero() {
-                factors.push((symbol.clone(), product));
+                factors.push(Factor { exponent: product, ..factor.clone() });
             }
         }
         let dimension = self.0.dimension.power(exponent)?;
@@ -275,18 +307,18 @@ impl PartialEq for Unit {
 /// `kmol/(m^3 min)`; `1` for the unit of numbers.
 impl fmt::Display for Unit {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&dimension::product(self.0.factors.iter().map(|(symbol, exponent)| (symbol.as_str(), *exponent))))
+        formatter.write_str(&dimension::product(self.0.factors.iter().map(|factor| (factor.symbol.as_str(), factor.exponent))))
     }
 }
 
 /// Adds a factor to a product, joining powers of one symbol and dropping those that cancel.
-fn add_factor(factors: &mut Vec<(String, Rational)>, symbol: &str, exponent: Rational) -> Option<()> {
-    let Some(index) = factors.iter().position(|(known, _)| known == symbol) else {
-        factors.push((symbol.to_owned(), exponent));
+fn add_factor(factors: &mut Vec<Factor>, factor: &Factor) -> Option<()> {
+    let Some(index) = factors.iter().position(|known| known.symbol == factor.symbol) else {
+        factors.push(factor.clone());
         return Some(());
     };
-    factors[index].1 = factors[index].1.plus(exponent)?;
-    if factors[index].1.is_zero() {
+    factors[index].exponent = factors[index].exponent.plus(factor.exponent)?;
+    if factors[index].exponent.is_zero() {
         factors.remove(index);
     }
     Some(())

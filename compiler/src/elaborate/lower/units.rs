@@ -213,7 +213,7 @@ fn article(what: &str) -> String {
 /// The unit that a text means; reports what is wrong with it.
 pub(in crate::elaborate) fn unit(l: &mut Lowering<'_, '_>, written: &UnitExpr, place: &Place) -> Option<Unit> {
     let mut inner_fault = false;
-    let result = smpl_dsl::units::resolve(written, &mut |e: &Expr| {
+    let result = smpl_dsl::units::resolve(written, &l.symbols.units, &mut |e: &Expr| {
         let v = l.value(e, place);
         inner_fault |= v.is_poison();
         Ok(match v.unit {

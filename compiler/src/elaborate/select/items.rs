@@ -191,6 +191,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         | StatementKind::Policy { name, .. }
         | StatementKind::Invariant { name, .. }
         | StatementKind::Level { name, .. }
+        | StatementKind::Unit { name, .. }
         | StatementKind::Event { name, .. }
         | StatementKind::Phase(Phase { name, .. }) => Key::Named(discriminant(kind), &name.text),
         StatementKind::Flux(Flux { name, .. })

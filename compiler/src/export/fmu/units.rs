@@ -3,7 +3,7 @@
 use smpl_dsl::parse;
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::StatementKind;
-use smpl_dsl::units::{BASES, Unit, UnitKind, resolve};
+use smpl_dsl::units::{BASES, OwnUnits, Unit, UnitKind, resolve};
 
 /// What a unit is in the SI.
 pub(super) struct Si {
@@ -15,12 +15,12 @@ pub(super) struct Si {
     pub offset: f64,
 }
 
-/// The unit of a text that a model showed.
+/// The unit of a text that a model showed; `None` for one that the model declares, which the SI does not know.
 pub(super) fn unit(text: &str) -> Option<Unit> {
     let file = parse(&format!("param u : {text}\n"), FileId(0)).file;
     let statement = file.statements.into_iter().next()?;
     let StatementKind::Declare { declarations, .. } = statement.kind else { return None };
-    resolve(declarations.first()?.unit.as_ref()?, &mut |_| Ok(Unit::one())).ok()
+    resolve(declarations.first()?.unit.as_ref()?, &OwnUnits::default(), &mut |_| Ok(Unit::one())).ok()
 }
 
 /// A unit in the SI; `None` where it has parts that the SI does not know (cells, units of activity) or exponents that are no integers.

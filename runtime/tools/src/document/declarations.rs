@@ -18,6 +18,7 @@ const DISCRETES: &[&str] = &["discrete variable", "symbol", "unit", "start", "ra
 const DISTURBANCES: &[&str] = &["disturbance", "symbol", "unit", "start", "next value", "range", "meaning"];
 const RANDOMS: &[&str] = &["random number", "symbol", "drawn at reset", "meaning"];
 const MEMBERS: &[&str] = &["member", "symbol", "unit", "range", "meaning"];
+const OWN_UNITS: &[&str] = &["unit of measure", "size", "meaning"];
 const SETS: &[&str] = &["set", "members", "meaning"];
 const DOMAINS: &[&str] = &["domain", "from", "to", "cells", "scheme", "geometry", "particulars", "meaning"];
 const TIME_TABLES: &[&str] = &["table", "unit", "values", "meaning"];
@@ -98,6 +99,10 @@ impl<'s> Writer<'s> {
             StatementKind::Time { name, unit } => {
                 let unit = self.unit(Some(unit));
                 self.block(&format!("Time is {}, in {unit}.", code(&name.text)));
+            }
+            StatementKind::Unit { name, size, text } => {
+                let size = size.as_ref().map_or_else(|| "a dimension of its own".to_owned(), |size| self.inline(size));
+                self.row(OWN_UNITS, vec![code(&name.text), size, prose(text.as_deref().unwrap_or(""))]);
             }
             StatementKind::Set { name, members, text } => {
                 let members = match members {

@@ -311,6 +311,7 @@ impl<'s> Writer<'s> {
 /// The chapter of a kind of statement.
 fn chapter(kind: &StatementKind) -> &'static str {
     match kind {
+        StatementKind::Unit { .. } => "Units",
         StatementKind::Set { .. } | StatementKind::Table(_) | StatementKind::TimeTable(_) => "Sets and tables",
         StatementKind::Domain(_) => "Domains",
         StatementKind::Declare { role, .. } => match role {

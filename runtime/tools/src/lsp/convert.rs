@@ -94,7 +94,7 @@ pub(super) fn symbol_kind(kind: SymbolKind) -> Symbol {
         SymbolKind::Set | SymbolKind::Choice => Symbol::ENUM,
         SymbolKind::Member | SymbolKind::Choose => Symbol::ENUM_MEMBER,
         SymbolKind::Domain | SymbolKind::Table | SymbolKind::TimeTable => Symbol::ARRAY,
-        SymbolKind::Variable(Role::Param) | SymbolKind::Structural => Symbol::CONSTANT,
+        SymbolKind::Variable(Role::Param) | SymbolKind::Structural | SymbolKind::Unit => Symbol::CONSTANT,
         SymbolKind::Variable(Role::State | Role::Discrete) => Symbol::FIELD,
         SymbolKind::Variable(Role::Action | Role::Disturbance | Role::Random) => Symbol::PROPERTY,
         SymbolKind::Variable(Role::Var | Role::Let)
@@ -126,6 +126,7 @@ pub(super) fn proposal_kind(kind: ProposalKind) -> CompletionItemKind {
             SymbolKind::Component | SymbolKind::Model => CompletionItemKind::CLASS,
             SymbolKind::Connector | SymbolKind::Port => CompletionItemKind::INTERFACE,
             SymbolKind::Function => CompletionItemKind::FUNCTION,
+            SymbolKind::Unit => CompletionItemKind::UNIT,
             SymbolKind::Set | SymbolKind::Choice => CompletionItemKind::ENUM,
             SymbolKind::Member | SymbolKind::Choose => CompletionItemKind::ENUM_MEMBER,
             SymbolKind::Variable(Role::Param) | SymbolKind::Structural | SymbolKind::Table => CompletionItemKind::CONSTANT,
