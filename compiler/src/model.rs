@@ -13,6 +13,7 @@ use cranelift_entity::PrimaryMap;
 mod interface;
 mod quantity;
 mod settings;
+mod test;
 
 pub use interface::{
     AlgebraicCounts, Alternatives, BoxItem, Choice, Draw, Failure, Finish, FinishLayout, Instant, Interface, Invariant, Observed, Port,
@@ -20,6 +21,7 @@ pub use interface::{
 };
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};
+pub use test::{Expectation, Test, TestStep};
 
 /// A flat model with its expressions.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -11,6 +11,7 @@ mod problem;
 mod rules;
 mod statement;
 mod table;
+mod test;
 mod unit;
 
 use std::thread;
@@ -121,8 +122,16 @@ impl<'t> StatementParser<'t> {
     fn kinds(&self, raw: &RawStatement, body: Option<Vec<Statement>>) -> Fallible<Vec<StatementKind>> {
         let text = &self.text[raw.start..raw.end];
         let keyword = leading_word(text);
+        if self.around == "test" {
+            return test::statement(self.file, raw, text, keyword);
+        }
         let known = keywords().find(|known| *known == keyword);
         let Some(keyword) = known else { return Err(Box::new(self.unknown_statement(raw, keyword))) };
+        if keyword == "expect" {
+            let place = span(self.file, raw.start, raw.start + keyword.len());
+            let fault = Diagnostic::error(codes::UNKNOWN_STATEMENT, "`expect` outside of a test", place);
+            return Err(Box::new(fault.help("write it into `test \"name\" { ... }`")));
+        }
         check_block(keyword, raw, self.file)?;
         let rest = text[keyword.len()..].trim_start();
         let context = Context { file: self.file, offset: raw.end - rest.len(), keyword };

@@ -116,12 +116,52 @@ pub enum StatementKind {
     Event { name: Ident, condition: Expr, text: Option<String> },
     /// `phase elute for 60 [min] then strip`, `phase load until breakthrough then wash { ... }`
     Phase(Phase),
+    /// `test "rises" { steps 3; expect x > 1 }`
+    Test { name: String, name_span: Span, body: Vec<Statement> },
+    /// A statement inside of `test`
+    TestStep(TestStep),
     /// `variant vacuole_flux "text" { overriding statements }`
     Variant { name: Ident, text: Option<String>, body: Vec<Statement> },
     /// `choice axial_scheme = central | downwind "text"`
     Choice { name: Ident, options: Vec<Ident>, text: Option<String> },
     /// `when axial_scheme = downwind { overriding statements }`
     When { choice: Ident, option: Ident, body: Vec<Statement> },
+}
+
+/// A statement of a test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+pub enum TestStep {
+    /// `start nominal`
+    Start(Ident),
+    /// `scenario legacy`, `level online`, `variant NAME`, `variant NAME = OPTION`: what the model is compiled with
+    Choose { word: Ident, name: Ident, option: Option<Ident> },
+    /// `policy profile`
+    Policy(Ident),
+    /// `F = 1.2`: of an action, a parameter, a disturbance, a state or a discrete variable
+    Assign { target: Expr, value: Expr },
+    /// `steps 3`
+    Steps(Expr),
+    /// `for 40 [h]`
+    For(Expr),
+    /// `expect ...`
+    Expect(Expect),
+}
+
+/// An expectation of a test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+pub enum Expect {
+    /// `expect x > 1`
+    Holds(Expr),
+    /// `expect x within 1e-6 of 6`
+    Within { value: Expr, tolerance: Expr, target: Expr },
+    /// `expect failure`, `expect failure overflow`
+    Failure(Option<Ident>),
+    /// `expect success`, `expect success finished`
+    Success(Option<Ident>),
+    /// `expect steady`, `expect steady within 1e-4`
+    Steady(Option<Expr>),
 }
 
 /// What a declared name is.

@@ -42,6 +42,8 @@ const STATEMENTS: &[(&str, Option<&str>)] = &[
     ("clamp", Some("clamp x at value when condition")),
     ("event", Some("event name when condition")),
     ("phase", Some("phase name for 60 [min] then other")),
+    ("test", Some("test \"name\" { statements }")),
+    ("expect", Some("expect condition, or expect x within 1e-6 of value")),
     ("variant", Some("variant name \"text\" { statements }")),
     ("choice", Some("choice name = first | second")),
     ("when", Some("when choice = option { statements }")),
@@ -85,6 +87,9 @@ pub(crate) const CLAUSES: &[&str] = &[
     "over",
     "cells",
 ];
+
+/// First words of statements inside of a test, beside `expect` and the names of what it sets.
+pub const IN_TESTS: &[&str] = &["start", "scenario", "level", "variant", "policy", "steps", "for"];
 
 /// Whether the word cannot be a name.
 #[must_use]

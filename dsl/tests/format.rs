@@ -160,6 +160,16 @@ const TABLES: &[(&str, &str)] = &[
 ];
 
 #[test]
+fn statements_of_tests_keep_their_lines() {
+    let text = "test   \"a\"  {\nstart nominal\n u[1]  =  2\nR.x=3   for 4  [h]\n  for 2 [h]\nexpect x   within 1e-6 of  6\n  expect u[1] > -1\n}\n";
+    let expected =
+        "test \"a\" {\n  start nominal\n  u[1] = 2\n  R.x = 3 for 4 [h]\n  for 2 [h]\n  expect x within 1e-6 of 6\n  expect u[1] > -1\n}\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+    check(text);
+    check("test \"a\" { steps 3; x = 1; expect x > 1 }\n");
+}
+
+#[test]
 fn tables_keep_the_columns_that_their_authors_have_aligned() {
     for (text, expected) in TABLES {
         assert_eq!(format(text).as_deref(), Ok(*expected), "{text}");

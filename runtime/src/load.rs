@@ -60,6 +60,8 @@ pub struct LoadOptions {
     pub extra: Option<String>,
     /// Keep intermediate text and assembly.
     pub texts: bool,
+    /// Names of the tests to compile with the model.
+    pub tests: Option<Vec<String>>,
     /// Look for what is allowed but hardly meant, too.
     pub lints: bool,
 }

@@ -96,7 +96,7 @@ pub(crate) struct Programs {
     pub has_start: bool,
     pub has_end: bool,
     pub has_disturbances: bool,
-    /// `finish` reads time derivatives, which then must be those of the final state.
+    /// `finish` or a test reads time derivatives, which then must be those of the final state.
     pub derivatives_at_end: bool,
     /// Most passes in which initial values that read what is known only at a consistent start get theirs.
     pub start_passes: usize,
@@ -111,7 +111,7 @@ impl Programs {
             has_start: !programs.start.nests.is_empty(),
             has_end: !programs.end.nests.is_empty(),
             has_disturbances: !programs.disturb.nests.is_empty(),
-            derivatives_at_end: finish_reads_derivatives(model),
+            derivatives_at_end: finish_reads_derivatives(model) || !model.interface().tests.is_empty(),
             start_passes: start_passes(model),
             discrete_passes: discrete_passes(model),
         }

@@ -7,6 +7,7 @@ use smpl_compiler::elaborate::{BUILTINS, block_entries, built_in_names};
 use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::Role;
 use smpl_dsl::units::{OwnUnits, Unit, symbols};
+use smpl_dsl::words;
 
 use crate::check::Facts;
 use crate::hover::{self, unit_of};
@@ -190,10 +191,20 @@ impl Proposals<'_> {
     }
 
     fn statements(&mut self, line: &Line<'_>) {
+        if line.block.as_deref() == Some("test") {
+            words::IN_TESTS.iter().for_each(|word| self.word(word, "of a test", 0));
+            self.kinds(&[Role::Action, Role::Param, Role::Disturbance, Role::State, Role::Discrete].map(SymbolKind::Variable));
+        }
         for (word, meaning, snippet) in reference::STATEMENTS {
             let inside = matches!(*word, "next" | "reset" | "clamp");
             let block = line.block.as_deref();
-            let fits = if block == Some("at") { inside } else { !inside || block == Some("phase") };
+            let fits = if block == Some("test") || *word == "expect" {
+                block == Some("test") && *word == "expect"
+            } else if block == Some("at") {
+                inside
+            } else {
+                !inside || block == Some("phase")
+            };
             let (label, insert) = ((*word).to_owned(), (*snippet).to_owned());
             let rank = u8::from(!fits);
             self.list.push(Proposal { label, kind: ProposalKind::Keyword, detail: (*meaning).to_owned(), insert, snippet: true, rank });

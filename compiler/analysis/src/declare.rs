@@ -135,6 +135,7 @@ impl Declarer<'_> {
                 }
                 return;
             }
+            StatementKind::Test { name, name_span, .. } => named(&Ident { text: name.clone(), span: *name_span }, SymbolKind::Test, &None),
             StatementKind::When { body, .. } => return self.statements(body, within),
             _ => return,
         };

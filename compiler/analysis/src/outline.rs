@@ -283,6 +283,7 @@ fn of_symbol(program: &Program, id: SymbolId) -> Colour {
         | SymbolKind::Policy
         | SymbolKind::Event
         | SymbolKind::Phase
+        | SymbolKind::Test
         | SymbolKind::Variant
         | SymbolKind::Choice => Colour::Label,
     }

@@ -220,6 +220,7 @@ pub fn body(statement: &Statement) -> &[Statement] {
         | StatementKind::Level { body, .. }
         | StatementKind::At { body, .. }
         | StatementKind::Variant { body, .. }
+        | StatementKind::Test { body, .. }
         | StatementKind::When { body, .. } => body,
         StatementKind::Phase(phase) => &phase.body,
         _ => &[],

@@ -54,6 +54,8 @@ pub(crate) const STATEMENTS: &[(&str, &str, &str)] = &[
     ("clamp", "limits a state at an instant", "clamp ${1:x} at ${2:value} when ${3:condition}"),
     ("event", "names a condition that is located in time", "event ${1:name} when ${2:condition}"),
     ("phase", "declares a phase of a schedule", "phase ${1:name} for ${2:60} [${3:min}] then ${4:next}"),
+    ("test", "declares a test that `smpl test` runs", "test \"${1:name}\" {\n  steps ${2:3}\n  expect ${3:x > 0}\n}"),
+    ("expect", "states what a test expects", "expect ${1:x} within ${2:1e-6} of ${3:1}"),
     ("variant", "declares an alternative that can be turned on", "variant ${1:name} \"${2:text}\" {\n  $0\n}"),
     ("choice", "declares alternatives of which one is chosen", "choice ${1:name} = ${2:first} | ${3:second} \"${4:text}\""),
     ("when", "holds the statements of an option", "when ${1:choice} = ${2:option} {\n  $0\n}"),

@@ -2,8 +2,8 @@
 
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
-    TableCells, UnitBase, UnitExpr,
+    Binder, BinderSet, Clip, Declaration, Expect, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
+    TableCells, TestStep, UnitBase, UnitExpr,
 };
 use smpl_dsl::units::OwnUnits;
 
@@ -275,8 +275,38 @@ impl Resolver<'_> {
                 self.member(choice, option);
                 self.statements(body);
             }
-            StatementKind::Variant { body, .. } | StatementKind::Level { body, .. } => self.statements(body),
+            StatementKind::Variant { body, .. } | StatementKind::Level { body, .. } | StatementKind::Test { body, .. } => {
+                self.statements(body);
+            }
+            StatementKind::TestStep(step) => self.test_step(step),
             _ => {}
+        }
+    }
+
+    fn test_step(&mut self, step: &TestStep) {
+        match step {
+            TestStep::Start(_) => {}
+            TestStep::Choose { word, name, option } => {
+                // A scenario is a file.
+                if word.text != "scenario" {
+                    let chosen = self.global(name);
+                    option.iter().for_each(|option| {
+                        self.member(chosen, option);
+                    });
+                }
+            }
+            TestStep::Policy(name) => {
+                self.global(name);
+            }
+            TestStep::Assign { target, value } => self.exprs([target, value]),
+            TestStep::Steps(e) | TestStep::For(e) | TestStep::Expect(Expect::Holds(e)) => {
+                self.expr(e);
+            }
+            TestStep::Expect(Expect::Within { value, tolerance, target }) => self.exprs([value, tolerance, target]),
+            TestStep::Expect(Expect::Steady(e)) => self.exprs(e),
+            TestStep::Expect(Expect::Failure(name) | Expect::Success(name)) => name.iter().for_each(|name| {
+                self.global(name);
+            }),
         }
     }
 

@@ -69,6 +69,8 @@ pub enum SymbolKind {
     Event,
     /// A phase of a schedule.
     Phase,
+    /// A test.
+    Test,
     /// A variant.
     Variant,
     /// A choice.
@@ -110,6 +112,7 @@ impl SymbolKind {
             SymbolKind::Policy => "policy",
             SymbolKind::Event => "event",
             SymbolKind::Phase => "phase",
+            SymbolKind::Test => "test",
             SymbolKind::Variant => "variant",
             SymbolKind::Choice => "choice",
             SymbolKind::Choose => "option",
@@ -132,6 +135,7 @@ impl SymbolKind {
                 | SymbolKind::Policy
                 | SymbolKind::Event
                 | SymbolKind::Phase
+                | SymbolKind::Test
         )
     }
 

@@ -343,3 +343,12 @@ fn declared_units_are_proposed_explained_and_renamed() {
     assert_eq!(rename(&program, id, "tUSD", &texts).map(|edits| edits.len()), Ok(2));
     assert!(rename(&program, id, "kmol", &texts).is_err());
 }
+
+#[test]
+fn statements_of_tests_are_proposed_and_resolved() {
+    let proposals = labels(&format!("{PLANT}test \"a\" {{\n  start nominal\n  ‸\n}}\n"));
+    assert!(["steps", "expect", "V_big"].iter().all(|word| proposals.contains(&(*word).to_owned())), "{proposals:?}");
+    let text = format!("{TANK}test \"a\" {{ h = 1; expect h > 0 [m] }}\n");
+    let at = text.rfind("h > 0").expect("the state");
+    assert!(hovered(&text, at).contains("state h : m"));
+}

@@ -24,6 +24,7 @@ mod rewards;
 mod settings;
 mod starts;
 mod together;
+mod trials;
 mod unknown;
 
 pub(in crate::elaborate) use common::each;
@@ -62,7 +63,8 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     phases::schedule_programs(l, &mut instants);
     let policies = policies::policies(l, blocks);
     let ending = finish::ending(l, blocks, &mut episode);
-    let (outputs, algebraics) = outputs::output_program(l);
+    let (mut outputs, mut algebraics) = outputs::output_program(l);
+    let tests = trials::tests(l, blocks, (&mut outputs, &mut algebraics), &policies, &ending.finish);
     let (invariant_program, invariants) = policies::invariants(l, blocks);
 
     let programs = Programs {
@@ -93,6 +95,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         steady: (steady.said || l.hidden.steady).then_some(steady.problem),
         start_conditions,
         start_resets: instants.start_resets,
+        tests,
         alternatives: Alternatives { levels: ending.levels, ..Alternatives::default() },
         ..Interface::default()
     };

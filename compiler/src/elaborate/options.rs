@@ -28,6 +28,8 @@ pub struct Options {
     pub extra: Option<FileId>,
     /// Overrides `max_steps`.
     pub max_steps: Option<u32>,
+    /// Names of the tests to compile with the model.
+    pub tests: Option<Vec<String>>,
     /// Look for what is allowed but hardly meant, too.
     pub lints: bool,
     /// Ends the elaboration early, and receives notes for editors.

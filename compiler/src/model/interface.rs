@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
-use super::{Episode, Grid, Quantity, Solver};
+use super::{Episode, Grid, Quantity, Solver, Test};
 
 /// All that is seen from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -42,6 +42,9 @@ pub struct Interface {
     pub solver: Solver,
     /// What can be chosen of it.
     pub alternatives: Alternatives,
+    /// Tests, where the model was compiled with them.
+    #[serde(skip)]
+    pub tests: Vec<Test>,
 }
 
 /// The quantities of a model by their kind, each kind in declaration order.

@@ -104,6 +104,7 @@ registry! {
     BAD_SETTING "E0603-bad-setting" "an entry that `episode` or `solver` does not know, or with a value that it cannot take"
     BACK_END "E0604-back-end" "the equations are right, but no machine code could be made for them"
     NOT_NONNEGATIVE "E0605-not-nonnegative" "`nonnegative` belongs to states that start at zero or above, in a unit without an offset"
+    BAD_TEST "E0606-bad-test" "a test that expects nothing, or with a statement that its run cannot follow"
     UNREADABLE "E0700-unreadable" "a file that cannot be read"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
     BAD_DATA "E0702-bad-data" "a data file with missing columns or cells that are no numbers"

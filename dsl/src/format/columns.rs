@@ -4,6 +4,7 @@ mod table;
 
 use super::tokens::{Kind, Token};
 use super::{GAP, render};
+use crate::words::keywords;
 
 /// Wider cells do not widen their column.
 const WIDEST: usize = 72;
@@ -164,6 +165,10 @@ pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: u
     if broken || keyword == "table" {
         return Line::plain(render::lines(tokens, indent, padding));
     }
+    if keyword == "expect" || !keywords().any(|known| known == keyword) {
+        // What a test sets and runs begins with a name of its own.
+        return Line::plain(vec![format!("{:indent$}{}", "", render::inline(tokens))]);
+    }
     let cells = cells(keyword, tokens);
     let head = |text: String| format!("{:indent$}{keyword}{:padding$}{}", "", "", text.strip_prefix(keyword).unwrap_or(&text).trim_start());
     let key = match keyword {
@@ -253,7 +258,7 @@ fn clause(tokens: &[Token<'_>]) -> Option<usize> {
 fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
     let text = token.text;
     if token.kind == Kind::Text {
-        let heading = matches!(keyword, "model" | "use" | "component" | "variant" | "level" | "policy" | "table");
+        let heading = matches!(keyword, "model" | "use" | "component" | "variant" | "level" | "policy" | "table" | "test");
         return (!heading).then_some(TEXT);
     }
     match keyword {

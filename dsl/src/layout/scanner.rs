@@ -255,7 +255,7 @@ impl<'t> Scanner<'t> {
         let continued = self.last.continues && !words::begins_statement(&self.text[next..]);
         let blank = match self.innermost() {
             Bracket::Round | Bracket::Square => true,
-            _ => continued || words::continues_statement(&self.text[next..]),
+            _ => continued || words::continues_statement(&self.text[next..]) && !self.runs_a_test(next),
         };
         if blank {
             self.clean[at] = b' ';
@@ -264,6 +264,12 @@ impl<'t> Scanner<'t> {
         } else {
             self.end_conditions();
         }
+    }
+
+    /// Returns whether a line of a test begins with `for`, which runs it: a statement of its own.
+    fn runs_a_test(&self, next: usize) -> bool {
+        let inside = |block: &OpenBlock| words::leading_word(&self.text[block.owner.start..]) == "test";
+        words::leading_word(&self.text[next..]) == "for" && self.at_statement_level() && self.blocks.last().is_some_and(inside)
     }
 
     /// Skips blanks, newlines and comments.

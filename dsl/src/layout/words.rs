@@ -4,7 +4,7 @@ use crate::words::{CLAUSES, is_reserved, keywords};
 
 /// Whether statements that begin with this word hold statements in braces.
 pub(crate) fn has_block(keyword: &str) -> bool {
-    matches!(keyword, "component" | "at" | "variant" | "when" | "level" | "phase")
+    matches!(keyword, "component" | "at" | "variant" | "when" | "level" | "phase" | "test")
 }
 
 /// Whether a line cannot end after this word.
@@ -31,7 +31,7 @@ pub(super) fn begins_statement(line: &str) -> bool {
     let blank = rest.len() < line.len() - keyword.len();
     match rest.as_bytes().first() {
         Some(b'{') => matches!(keyword, "steady" | "episode" | "solver"),
-        Some(b'"') => keyword == "use",
+        Some(b'"') => matches!(keyword, "use" | "test"),
         Some(byte) if byte.is_ascii_alphabetic() && blank => !CLAUSES.contains(&leading_word(rest)),
         _ => false,
     }

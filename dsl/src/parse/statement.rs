@@ -27,6 +27,7 @@ pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
         "port" => Rule::port,
         "connect" => Rule::connect,
         "variant" => Rule::variant,
+        "test" => Rule::test,
         "choice" => Rule::choice,
         "when" => Rule::when,
         _ => problem::rule(keyword).unwrap_or(Rule::declarations),
@@ -78,6 +79,7 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
         "connect" => connect(context, children),
         "choice" => choice(context, children),
         "variant" => Ok(StatementKind::Variant { name: children.name(context)?, text: children.text(), body }),
+        "test" => super::test::test(context, children, body),
         "when" => when(context, children, body),
         _ => problem::lower(context, children, body),
     }

@@ -36,6 +36,7 @@ pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, opti
         }
     }
     out.lints = options.lints;
+    out.tests.clone_from(&options.tests);
     Ok(out)
 }
 

@@ -22,6 +22,7 @@ mod report;
 mod runs;
 mod simulate;
 mod steady;
+mod test;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -71,6 +72,8 @@ enum Command {
     Diagnose(diagnose::DiagnoseArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
+    /// Run the tests of models
+    Test(test::TestArguments),
     /// Find parameters from recorded runs (by the Python package)
     #[command(disable_help_flag = true)]
     Fit(fit::FitArguments),
@@ -185,6 +188,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
+        Command::Test(arguments) => test::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),

@@ -14,3 +14,4 @@ pub mod lsp;
 pub mod picture;
 pub(crate) mod policy;
 pub(crate) mod sweep;
+pub(crate) mod trial;

@@ -200,6 +200,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         | StatementKind::Set { name, .. }
         | StatementKind::Def { name, .. }
         | StatementKind::Instance { name, .. } => Key::Name(&name.text),
+        StatementKind::Test { name, .. } => Key::Named(discriminant(kind), name),
         StatementKind::Table(table) => Key::Table(&table.columns.first()?.name.text),
         StatementKind::Time { .. } => Key::Time,
         _ => return None,

@@ -207,6 +207,10 @@ impl<'s> Writer<'s> {
                 self.component_parameters(parameters);
                 self.component(statement, name, body);
             }
+            StatementKind::Test { name, .. } => {
+                let text = self.source.texts.text(statement.span);
+                self.block(&format!("Test \"{}\":\n\n```eq\n{text}\n```", prose(name)));
+            }
             StatementKind::Equation { lhs, rhs, binders } => self.equation(statement, &latex::equation(lhs, rhs, binders)),
             StatementKind::Declare { role: Role::Let, declarations } => self.definitions(statement, declarations),
             StatementKind::Declare { role, declarations } => self.declarations(*role, declarations),
@@ -335,6 +339,7 @@ fn chapter(kind: &StatementKind) -> &'static str {
         StatementKind::Episode { .. } | StatementKind::Solver { .. } => "Episode and solver",
         StatementKind::Policy { .. } => "Policies",
         StatementKind::Choice { .. } => "Choices",
+        StatementKind::Test { .. } => "Tests",
         _ => "",
     }
 }

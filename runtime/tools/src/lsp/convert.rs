@@ -110,6 +110,7 @@ pub(super) fn symbol_kind(kind: SymbolKind) -> Symbol {
         | SymbolKind::Invariant
         | SymbolKind::Reward
         | SymbolKind::Phase => Symbol::EVENT,
+        SymbolKind::Test => Symbol::METHOD,
         SymbolKind::Level | SymbolKind::Policy | SymbolKind::Variant => Symbol::NAMESPACE,
     }
 }
