@@ -16,6 +16,7 @@ from smpl._arguments import FloatArray
 from smpl._native import SimulationError, on_steps
 from smpl._optional import load
 from smpl.envs import Env, from_unit
+from smpl.episodes import Details
 from smpl.model import Model
 
 # Times within this part of a step are one time.
@@ -358,33 +359,33 @@ def _placed(
 
 
 def _from_episode(model: Model, episode: Any, name: str) -> Run:
-    applied, readings = getattr(episode, "applied", None), getattr(episode, "readings", None)
-    given = getattr(episode, "given", None)
-    if applied is None or readings is None or given is None:
+    details = getattr(episode, "details", None)
+    if details is None or details.readings is None:
         raise ValueError(
-            f"{name} does not say its physical units and what was drawn for it (applied, readings, given): make it by "
-            "smpl.evaluation.run_episode"
+            f"{name} has no readings in physical units (`details.readings`): make it by smpl.evaluation.run_episode, "
+            "or give the data set"
         )
-    widths = np.shape(applied)[1], np.shape(readings)[1], np.shape(episode.states)[1]
+    widths = np.shape(details.physical)[1], np.shape(details.readings)[1], np.shape(episode.states)[1]
     expected = len(model.action_names), len(model.observation_names), len(model.state_names)
     if widths != expected:
         counts = "{} actions, {} observations and {} states"
         raise ValueError(f"{name} has {counts.format(*widths)}, {model.name} has {counts.format(*expected)}")
-    _check_given(model, given, name)
+    _check_given(model, details, name)
     outputs = dict(zip(model.state_names, np.asarray(episode.states).T, strict=True))
-    outputs |= dict(zip(model.observation_names, readings.T, strict=True))
-    return Run(
-        name,
-        np.asarray(episode.states)[0],
-        np.asarray(applied, dtype=np.float64),
-        outputs,
-        dict(given.discrete),
-        dict(given.disturbances),
-        dict(given.parameters),
-    )
+    outputs |= dict(zip(model.observation_names, details.readings.T, strict=True))
+    return Run(name, np.asarray(episode.states)[0], details.physical, outputs, **_drawn(details))
 
 
-def _check_given(model: Model, given: Any, name: str) -> None:
+def _drawn(details: Details) -> dict[str, Any]:
+    """Arguments of a run: discrete variables at the start, disturbances and parameters of an episode."""
+    return {
+        "discrete": {one: float(values[0]) for one, values in details.discrete.items()},
+        "disturbances": {one: np.asarray(values, dtype=np.float64) for one, values in details.disturbances.items()},
+        "parameters": dict(details.parameters),
+    }
+
+
+def _check_given(model: Model, given: Details, name: str) -> None:
     """Whether the model has what was drawn for an episode."""
     known = (
         ("parameters", given.parameters, model.parameter_names),
@@ -453,10 +454,8 @@ def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
         _states(model, start),
         details.physical,
         outputs,
-        {one: float(values[0]) for one, values in details.discrete.items()},
-        {one: np.asarray(values, dtype=np.float64) for one, values in details.disturbances.items()},
-        dict(details.parameters),
-        tuple(state for state in model.state_names if state not in start),
+        assumed=tuple(state for state in model.state_names if state not in start),
+        **_drawn(details),
     )
 
 

@@ -463,9 +463,9 @@ def test_what_was_drawn_for_an_episode_is_known_of_it():
     env = smpl.Env(model, normalize=False)
     episodes = [run_episode(env, OpenLoop([[0.0]] * 10), seed, {"parameters": {"k": 0.7}}) for seed in (1, 2)]
     for episode in episodes:
-        rates = 0.7 * episode.given.parameters["c"] * (1 + episode.given.disturbances["w"])
+        rates = 0.7 * episode.details.parameters["c"] * (1 + episode.details.disturbances["w"])
         np.testing.assert_allclose(episode.states[1:, 0], 3 * np.exp(-0.25 * np.cumsum(rates)), rtol=1e-7)
-    assert episodes[0].given.parameters["c"] != episodes[1].given.parameters["c"]
+    assert episodes[0].details.parameters["c"] != episodes[1].details.parameters["c"]
     # `half` follows the rate that is fitted, and `d`, of which a part was drawn, stays what it was.
     for kind in ("exact", "differences"):
         found = smpl.fit(model, episodes, {"k": 0.3}, derivatives=kind)
@@ -491,7 +491,7 @@ def test_a_recorded_episode_is_simulated_again_to_the_bit(name):
 def test_a_batch_of_pensim_with_its_draws_gives_the_yields_that_it_was_made_with():
     env = smpl.Env("pensim", normalize=False, max_steps=60)
     batches = [run_episode(env, Nominal(), seed, {"parameters": {"Y_sX": 1.7}}) for seed in (5, 6)]
-    assert {"mux_max", "mu_p", "alpha_kla", "c_0"} < set(batches[0].given.parameters)
+    assert {"mux_max", "mu_p", "alpha_kla", "c_0"} < set(batches[0].details.parameters)
     found = smpl.fit(env.model, batches, {"Y_sX": 1.8}, outputs=["S", "DO2"])
     assert found.parameters["Y_sX"] == pytest.approx(1.7, rel=1e-4)
 
@@ -499,10 +499,12 @@ def test_a_batch_of_pensim_with_its_draws_gives_the_yields_that_it_was_made_with
 def test_an_episode_that_does_not_say_what_was_drawn_is_refused():
     model = decay()
     episode = run_episode(smpl.Env(model, normalize=False), OpenLoop([[0.0]] * 40), 1)
-    with pytest.raises(ValueError, match=r"run 0 does not say .* what was drawn for it \(applied, readings, given\)"):
-        smpl.fit(model, [replace(episode, given=None)], ["k"])
+    with pytest.raises(ValueError, match=r"run 0 has no readings in physical units \(`details.readings`\): make it by"):
+        smpl.fit(model, [replace(episode, details=None)], ["k"])
+    with pytest.raises(ValueError, match="run 0 has no readings in physical units"):
+        smpl.fit(model, [replace(episode, details=replace(episode.details, readings=None))], ["k"])
     with pytest.raises(ValueError, match="run 0 has the parameters c, which Decay has not"):
-        smpl.fit(model, [replace(episode, given=replace(episode.given, parameters={"c": 1.0}))], ["k"])
+        smpl.fit(model, [replace(episode, details=replace(episode.details, parameters={"c": 1.0}))], ["k"])
 
 
 PLAIN = """model Plain

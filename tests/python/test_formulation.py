@@ -10,10 +10,12 @@ from gymnasium.utils.env_checker import check_env
 
 import smpl
 from smpl.learning import Plan, Task
-from smpl.learning.agents import Agent, Rows
+from smpl.learning.agents import Agent
 from smpl.learning.environments import Curriculum, Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Exploration, Form, FormulatedPolicy, Formulation, formulated
-from smpl.learning.running import Settings, run
+from smpl.learning.running import run
+from smpl.loop import Settings
+from smpl.policies import Rows
 
 BOTH = {"centre": "pid", "reach": 0.5, "history": 3, "reward_scale": 0.1, "failure_reward": -7.0}
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import smpl
-import smpl.learning.agents
+import smpl.policies
 from smpl.evaluation import run_episode
 from smpl.learning import agent, save_policy
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import FormulatedPolicy, LearnedBox
+from smpl.policies import Rows
 
 PID = {"centre": "pid", "reach": 0.5}
 
@@ -39,7 +40,7 @@ def _files(monkeypatch):
         assert algorithm == "PPO"
         return pickle.loads(Path(file).read_bytes())
 
-    monkeypatch.setattr(smpl.learning.agents, "_stable_baselines", load)
+    monkeypatch.setitem(smpl.policies.FILES, ".zip", load)
 
 
 def untrained(env):
@@ -69,11 +70,8 @@ def test_a_policy_is_evaluated_in_the_formulation_that_it_was_saved_with(tmp_pat
     base = smpl.Env(env.unwrapped.model)
     observation, _ = base.reset(seed=1)
     pid = agent("pid", base.model)
-    memory = {"seed": 1}
-    found.reset(base)
-    np.testing.assert_allclose(
-        found.choose(base, observation, memory), pid.choose(base, observation, memory), atol=1e-6
-    )
+    rows = Rows(base, observation[None], base.state[None], np.array([0]), [{"seed": 1}])
+    np.testing.assert_allclose(found.act(rows), pid.act(rows), atol=1e-6)
 
 
 def test_a_policy_of_stable_baselines_carries_its_formulation_alone(tmp_path):

@@ -1,10 +1,13 @@
 """Controllers, estimators and baselines. They give actions in physical units, by the names of any model."""
 
-from smpl.controllers.adapt import Function, Noisy, as_player
+import warnings
+from typing import Any
+
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
 from smpl.controllers.baselines import baseline, baselines
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.controllers.beer import Profile, isothermal
+from smpl.controllers.functions import Function, Noisy
 from smpl.controllers.kalman import Consistency, ExtendedKalmanFilter, consistency
 from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator
@@ -35,9 +38,19 @@ __all__ = [
     "Proportional",
     "SamplingMPC",
     "Uniform",
-    "as_player",
     "baseline",
     "baselines",
     "consistency",
     "isothermal",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Former names."""
+    if name == "as_player":
+        from smpl.policies import as_policy
+
+        text = "smpl.controllers.as_player is deprecated, use smpl.policies.as_policy"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return as_policy
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)

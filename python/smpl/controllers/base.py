@@ -15,7 +15,8 @@ import numpy.typing as npt
 from smpl._arguments import FloatArray, as_count, as_vector, check_names
 from smpl._identity import BEGUN, MADE_FROM, MadeFrom
 from smpl._native import SimulationError
-from smpl.envs import Env
+from smpl.envs import Env, native_seed
+from smpl.policies import Rows
 
 
 @runtime_checkable
@@ -153,6 +154,10 @@ class Constant(TakesWrapped, needs_reset=False):
         """The constant action."""
         return self._action.copy()
 
+    def actions(self, rows: Rows) -> FloatArray:
+        """The constant action for each row of a batch."""
+        return np.tile(self._action, (len(rows.steps), 1))
+
 
 class Policy(TakesWrapped, needs_reset=False):
     """A policy that the model declares, as `smpl simulate --policy NAME` runs it.
@@ -160,6 +165,8 @@ class Policy(TakesWrapped, needs_reset=False):
     Args:
         name: one of `env.model.policies`.
     """
+
+    needs = "model"
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -176,9 +183,15 @@ class Policy(TakesWrapped, needs_reset=False):
         """What the policy chooses for the coming step."""
         return env.policy(self._name)
 
+    def actions(self, rows: Rows) -> FloatArray:
+        """Actions of the policy in the environments of a batch."""
+        return _of_model(self._name, rows)
+
 
 class Nominal(TakesWrapped, needs_reset=False):
     """What `smpl simulate --policy nominal` runs: the model's policy `nominal`, else the nominal action."""
+
+    needs = "model"
 
     def reset(self, env: Env) -> None:
         """Nothing to forget."""
@@ -186,6 +199,10 @@ class Nominal(TakesWrapped, needs_reset=False):
     def action(self, env: Env) -> FloatArray:
         """The action of the policy, or the declared defaults of the actions."""
         return env.policy("nominal") if "nominal" in env.model.policies else env.model.native.defaults("action")
+
+    def actions(self, rows: Rows) -> FloatArray:
+        """Actions of the policy in the environments of a batch."""
+        return _of_model("nominal", rows)
 
 
 class Uniform(TakesWrapped, of_arguments=True):
@@ -206,6 +223,22 @@ class Uniform(TakesWrapped, of_arguments=True):
     def action(self, env: Env) -> FloatArray:
         """A random action."""
         return self._generator.uniform(env.action_low, env.action_high)
+
+    def actions(self, rows: Rows) -> FloatArray:
+        """Random actions of a batch."""
+        low, high = rows.interface.action_low, rows.interface.action_high
+        for memory in rows.memory:
+            if "generator" not in memory:
+                episode = native_seed(memory["seed"]), memory.get("number", 0)
+                memory["generator"] = np.random.default_rng([self._seed, *episode])
+        return np.stack([memory["generator"].uniform(low, high) for memory in rows.memory])
+
+
+def _of_model(policy: str, rows: Rows) -> FloatArray:
+    """Actions of a policy of the model in the environments of the rows, as they are now."""
+    batch: Any = rows.interface
+    chosen: FloatArray = np.atleast_2d(batch.policy(policy))
+    return chosen if rows.places is None else chosen[rows.places]
 
 
 class OpenLoop(TakesWrapped, needs_reset=False):

@@ -7,6 +7,7 @@ import numpy as np
 from smpl._arguments import FloatArray
 from smpl.controllers.base import Constant, TakesWrapped, require
 from smpl.envs import Env
+from smpl.policies import Rows
 
 
 class Profile(TakesWrapped, needs_reset=False):
@@ -23,6 +24,10 @@ class Profile(TakesWrapped, needs_reset=False):
     def action(self, env: Env) -> FloatArray:
         """Temperature of the coming hour."""
         return np.array([profile_temperature(env.steps)])
+
+    def actions(self, rows: Rows) -> FloatArray:
+        """Temperatures of the coming hours of a batch."""
+        return np.array([[profile_temperature(int(step))] for step in rows.steps])
 
 
 def profile_temperature(k: int) -> float:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from smpl._arguments import FloatArray
 from smpl.controllers.base import TakesWrapped, require
 from smpl.controllers.nmpc import NMPC
-from smpl.envs import Env
+from smpl.envs import Env, Interface
+from smpl.policies import Rows
 
 # Published set-point and steady action, in the declared units (c_A, T, h) and (T_c, q_out).
 SET_POINT = np.array([0.8778252, 51.34660837, 0.659])
@@ -29,6 +30,8 @@ class Proportional(TakesWrapped, needs_reset=False):
         gain_level: m^2/min.
     """
 
+    needs = "states"
+
     def __init__(self, gain_concentration: float = 100.0, gain_level: float = 0.5) -> None:
         self._gains = np.array([gain_concentration, gain_level])
 
@@ -42,8 +45,15 @@ class Proportional(TakesWrapped, needs_reset=False):
 
     def action(self, env: Env) -> FloatArray:
         """The clipped proportional action."""
-        error = env.state[[0, 2]] - SET_POINT[[0, 2]]
-        return np.clip(STEADY_ACTION + self._gains * error, env.action_low, env.action_high)
+        return self._law(env.state, env)
+
+    def actions(self, rows: Rows) -> FloatArray:
+        """The clipped proportional actions of a batch."""
+        return self._law(rows.states, rows.interface)
+
+    def _law(self, states: FloatArray, interface: Interface) -> FloatArray:
+        error = states[..., [0, 2]] - SET_POINT[[0, 2]]
+        return np.clip(STEADY_ACTION + self._gains * error, interface.action_low, interface.action_high)
 
 
 class ReactorNMPC(TakesWrapped, of_arguments=True):

@@ -35,8 +35,9 @@ from smpl.learning.agents import described
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
-from smpl.learning.running import Settings, batched, drawn_parameters, run
+from smpl.learning.running import batched, drawn_parameters, run
 from smpl.learning.workers import spread
+from smpl.loop import Settings
 
 # Bytes of a part before compression, and the most episodes that it may have.
 PART_BYTES = 64 * 2**20

@@ -19,7 +19,7 @@ from smpl._optional import load
 from smpl.datasets.layouts import Float32Array, joined
 from smpl.datasets.loading import Dataset
 from smpl.envs import Env, native_seed
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 from smpl.learning.plan import Task
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl.datasets.store import DatasetError
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 
 Array = npt.NDArray[Any]
 _LEGACY = ("observations", "actions", "rewards", "terminals", "timeouts")

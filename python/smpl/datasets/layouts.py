@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_number, as_numbers
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 
 Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]

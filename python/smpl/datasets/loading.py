@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from smpl.datasets.store import MANIFEST, DatasetError, Manifest, part_mark, part_path, read_part
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 from smpl.learning.plan import Task
 
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from smpl._arguments import FloatArray
 from smpl._optional import load
-from smpl.evaluation import Details, Episode
+from smpl.episodes import Details, Episode
 
 FORMAT = 1
 MANIFEST = "dataset.json"

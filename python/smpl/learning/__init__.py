@@ -6,9 +6,10 @@ on the plan and on i alone.
 """
 
 from smpl.learning.agents import Agent, agent
-from smpl.learning.plan import Job, Plan, Task
-from smpl.learning.running import RunError, Settings, run
+from smpl.learning.plan import Plan, Task
+from smpl.learning.running import RunError, run
 from smpl.learning.saved import save_policy
 from smpl.learning.starts import Starts
+from smpl.loop import Job, Settings
 
 __all__ = ["Agent", "Job", "Plan", "RunError", "Settings", "Starts", "Task", "agent", "run", "save_policy"]

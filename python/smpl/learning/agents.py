@@ -1,63 +1,22 @@
-"""Anything that chooses actions, behind one interface.
-
-A controller (`action(env)`, `reset(env)` if it has a memory; physical units), a policy (`predict(observations)` as of
-Stable-Baselines3 and d3rlpy, `compute_single_action(observation)` as of RLlib; actions of the action space) or a
-function of the observation. Policies with `predict` and some of our own controllers act on a whole batch at once.
-"""
+"""Policies by names: `agent` makes one of a name, a file or an object."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import importlib
-import inspect
-import io
 import re
 import tempfile
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 import smpl.controllers as controllers
-from smpl._arguments import FloatArray, as_vector
+from smpl._arguments import FloatArray
 from smpl._identity import Description, describe
-from smpl._optional import load
-from smpl.controllers.adapt import check_spaces
-from smpl.controllers.beer import profile_temperature
-from smpl.controllers.reactor import SET_POINT, STEADY_ACTION
-from smpl.envs import Env, Interface, native_seed
+from smpl.envs import Env
 from smpl.model import Model
-
-Array = npt.NDArray[Any]
-# Endings of the files of policies.
-FILES = (".zip", ".d3", ".pt")
-
-
-@dataclass
-class Rows:
-    """What an agent sees of a batch: arrays have one row an environment.
-
-    Attributes:
-        interface: names, bounds and scaling, the same for all.
-        observations: as the environments returned them.
-        states: physical units.
-        steps: completed steps of each episode.
-        memory: per environment, what the agent keeps from step to step; emptied at each reset.
-        places: of the rows in the batch `interface`; all of it if none.
-    """
-
-    interface: Interface
-    observations: Array
-    states: FloatArray
-    steps: npt.NDArray[np.int64]
-    memory: list[dict[str, Any]]
-    places: npt.NDArray[np.intp] | None = None
+from smpl.policies import FILES, Rows, as_policy, load_policy
 
 
 class Agent:
@@ -65,7 +24,7 @@ class Agent:
 
     Args:
         name: what reports and data sets call it.
-        chooser: a controller, a policy or a function.
+        chooser: a controller, a policy or a function, see `smpl.policies.as_policy`.
         physical: whether a function or policy gives physical units.
 
     Raises:
@@ -76,68 +35,43 @@ class Agent:
         self.name, self.chooser, self.physical = name, chooser, physical
         # Text and model that it was made from: in another process it is made anew, whatever it has built meanwhile.
         self.origin: tuple[str, Model] | None = None
-        self.kind = _kind(chooser)
-        self._state_aware = self.kind == "predict" and "episode_start" in _parameters(chooser.predict)
+        self.policy = as_policy(chooser)
+        if physical:
+            self.policy.physical = True
 
     def __reduce__(self) -> tuple[Any, ...]:
+        state = {"batched": self.batched}
         if self.origin is not None:
             files = _files(self.origin[0])
-            return (_unpacked, (*self.origin, self.name, files)) if files else (agent, (*self.origin, self.name))
-        return Agent, (self.name, self.chooser, self.physical)
+            made = (_unpacked, (*self.origin, self.name, files)) if files else (agent, (*self.origin, self.name))
+            return (*made, state)
+        return Agent, (self.name, self.chooser, self.physical), state
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        # A policy that was found to draw its actions acts alone in other processes too.
+        if self.batched and not state["batched"]:
+            self.policy.batched = False
 
     @property
     def batched(self) -> bool:
-        """Whether `act` is there."""
-        return self.kind in ("predict", "rows") or type(self.chooser) in _BATCHED
+        """Whether `act` takes more than one row."""
+        return self.policy.batched
 
     @property
-    def reads_states(self) -> bool:
-        """Whether `act` looks at the states of a batch, as far as one can tell."""
-        return self.kind == "rows" or isinstance(self.chooser, controllers.Proportional)
-
-    @property
-    def asks_model(self) -> bool:
-        """Whether `act` asks the environments of a batch, so that it knows nothing of recorded episodes."""
-        return isinstance(self.chooser, (controllers.Policy, controllers.Nominal))
-
-    def reset(self, env: Env) -> dict[str, Any]:
-        """Begin an episode; returns an empty memory."""
-        if self.kind == "action":
-            forget = getattr(self.chooser, "reset", None)
-            if forget is not None:
-                forget(env)
-        elif callable(getattr(self.chooser, "reset", None)) and self.kind == "call":
-            self.chooser.reset()
-        return {}
-
-    def choose(self, env: Env, observation: Array, memory: dict[str, Any]) -> FloatArray:
-        """Action for one environment, in its action space."""
-        if self.kind == "action":
-            given = as_vector("the controller's action", self.chooser.action(env), len(env.action_names))
-            return env.from_physical(given)
-        if self.kind == "call":
-            return self._scaled(env, _one(self.chooser(observation), len(env.action_names)))
-        if self.kind == "single":
-            given = self.chooser.compute_single_action(observation, explore=False)
-            return self._scaled(env, _one(given[0] if isinstance(given, tuple) else given, len(env.action_names)))
-        if self.kind == "rows":
-            return np.asarray(self.chooser.act(_one_row(env, observation, memory))[0])
-        return self._scaled(env, self.predict(observation[None], [memory], len(env.action_names))[0])
+    def needs(self) -> str:
+        """Source of the actions, see `smpl.policies.Policy`."""
+        return self.policy.needs
 
     def act(self, rows: Rows) -> FloatArray:
-        """Actions for a batch, in the action space, shape (environments, actions).
+        """Actions of the rows in the action space.
 
         Raises:
             ValueError: they have another shape.
         """
-        expected = len(rows.steps), len(rows.interface.action_names)
-        if self.kind == "predict":
-            return self._scaled(rows.interface, self.predict(rows.observations, rows.memory, expected[1]))
-        given = self.chooser.act(rows) if self.kind == "rows" else _BATCHED[type(self.chooser)](self.chooser, rows)
-        actions = np.asarray(given, dtype=np.float64)
-        if actions.shape != expected:
-            raise ValueError(f"{self.name} gave actions of shape {actions.shape}, expected {expected}")
-        return actions if self.kind == "rows" else rows.interface.from_physical(actions)
+        given, expected = self.policy.act(rows), (len(rows.steps), len(rows.interface.action_names))
+        if given.shape != expected:
+            raise ValueError(f"{self.name} gave actions of shape {given.shape}, expected {expected}")
+        return rows.interface.from_physical(given) if self.policy.physical else given
 
     def check(self, env: Env) -> None:
         """Refuse an environment that the agent is not for: reset once as an episode would.
@@ -145,39 +79,8 @@ class Agent:
         Raises:
             ValueError: a policy has other observations or actions than the environment.
         """
-        if self.kind == "predict" and not self.physical:
-            check_spaces(self.chooser, env.observation_space, env.action_space, env)
-        elif self.kind == "rows" and callable(getattr(self.chooser, "check", None)):
-            self.chooser.check(env)
-        self.reset(env)
-
-    def _scaled(self, interface: Interface, action: FloatArray) -> FloatArray:
-        return interface.from_physical(action) if self.physical else action
-
-    def predict(self, observations: Array, memory: list[dict[str, Any]], width: int) -> FloatArray:
-        """What a policy's `predict` gives for a batch; its hidden state, if it has one, is kept in `memory`.
-
-        Raises:
-            ValueError: a wrong shape.
-        """
-        options: dict[str, Any] = {}
-        if self._state_aware and any("state" in one for one in memory):
-            shape = next(one["state"] for one in memory if "state" in one)
-            states = [one.get("state") or [np.zeros_like(part) for part in shape] for one in memory]
-            options["state"] = tuple(np.stack(parts, axis=-2) for parts in zip(*states, strict=True))
-            options["episode_start"] = np.array(["state" not in one for one in memory])
-        if "deterministic" in _parameters(self.chooser.predict):
-            options["deterministic"] = True
-        given = self.chooser.predict(observations, **options)
-        if isinstance(given, tuple):
-            given, state = given
-            if state is not None:
-                for i, one in enumerate(memory):
-                    one["state"] = [part[..., i, :] for part in state]
-        actions = np.asarray(given, dtype=np.float64)
-        if actions.shape != (len(observations), width):
-            raise ValueError(f"predict gave shape {actions.shape}, expected {(len(observations), width)}")
-        return actions
+        self.policy.check(env)
+        self.policy.reset(env, env.episode[0])
 
 
 def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
@@ -249,7 +152,7 @@ def _made(spec: str, model: Model) -> Any:
     if Path(spec.rpartition(":")[2]).suffix in FILES:
         from smpl.learning.saved import in_its_formulation
 
-        return in_its_formulation(_policy_file(spec), Path(spec.rpartition(":")[2]), model)
+        return in_its_formulation(load_policy(spec), Path(spec.rpartition(":")[2]), model)
     if ":" in spec:
         return _imported(spec)
     later = _baseline(model, spec)
@@ -300,74 +203,6 @@ def _baseline(model: Model, name: str) -> Any:
         return None
 
 
-def _policy_file(spec: str) -> Any:
-    algorithm, _, file = spec.rpartition(":")
-    if not Path(file).is_file():
-        raise ValueError(f"policy file {file!r} is not there")
-    if file.endswith(".zip"):
-        return _stable_baselines(algorithm, file)
-    if file.endswith(".d3"):
-        d3rlpy = _needs("d3rlpy")
-        with _of_file(file, "d3rlpy"):
-            return d3rlpy.load_learnable(file)
-    torch = _needs("torch")
-    with of_torchscript(), _of_file(file, "TorchScript"):
-        return _TorchPolicy(torch.jit.load(file).eval())
-
-
-@contextlib.contextmanager
-def _of_file(file: str, what: str) -> Iterator[None]:
-    """Name the file where a package cannot read it, whatever it raises then."""
-    try:
-        yield
-    except ImportError:
-        raise
-    except Exception as error:
-        said = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {said}") from error
-
-
-@contextlib.contextmanager
-def of_torchscript() -> Iterator[None]:
-    """Without what torch says of the age of TorchScript: it is the form that each of the pinned versions reads."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", r"`torch\.jit\.", FutureWarning)
-        yield
-
-
-def _stable_baselines(algorithm: str, file: str) -> Any:
-    if not algorithm:
-        raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
-    _needs("stable_baselines3")
-    for package in ("stable_baselines3", "sb3_contrib"):
-        try:
-            found = getattr(importlib.import_module(package), algorithm, None)
-        except ImportError:
-            continue
-        if found is not None:
-            with _of_file(file, algorithm):
-                return found.load(file, device="cpu")
-    raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
-
-
-class _TorchPolicy:
-    """A TorchScript module that maps a batch of observations to actions."""
-
-    def __init__(self, module: Any) -> None:
-        self._module = module
-
-    def predict(self, observations: Array) -> Array:
-        torch = importlib.import_module("torch")
-        with torch.no_grad():
-            return np.asarray(self._module(torch.as_tensor(observations)).numpy())
-
-
-def _needs(module: str) -> Any:
-    # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
-    with contextlib.redirect_stderr(io.StringIO()):
-        return load(module, "this policy")
-
-
 def _imported(spec: str) -> Any:
     module, _, attribute = spec.partition(":")
     try:
@@ -382,86 +217,3 @@ def _numbers(spec: str) -> list[float]:
         return [float(number) for number in spec.partition(":")[2].split(",")]
     except ValueError as error:
         raise ValueError(f"controller is {spec!r}, expected constant:NUMBER,NUMBER,...") from error
-
-
-def _kind(chooser: Any) -> str:
-    if not isinstance(chooser, type):
-        if callable(getattr(chooser, "action", None)):
-            return "action"
-        if callable(getattr(chooser, "predict", None)):
-            return "predict"
-        if callable(getattr(chooser, "act", None)):
-            return "rows"
-        if callable(getattr(chooser, "compute_single_action", None)):
-            return "single"
-        if callable(chooser):
-            return "call"
-    what = f"the class {chooser.__name__}" if isinstance(chooser, type) else type(chooser).__name__
-    raise TypeError(
-        f"controller is {what}, expected an object with action(env) or predict(observations), or a function"
-    )
-
-
-def _parameters(function: Any) -> Mapping[str, Any]:
-    try:
-        return inspect.signature(function).parameters
-    except (TypeError, ValueError):
-        return {}
-
-
-def _one_row(env: Env, observation: Array, memory: dict[str, Any]) -> Rows:
-    return Rows(env, observation[None], env.state[None], np.array([env.steps]), [memory])
-
-
-def _one(given: Any, length: int) -> FloatArray:
-    return as_vector("the controller's action", np.ravel(given), length)
-
-
-# Our own controllers on a batch: physical units, row by row what `action` gives.
-
-
-def _proportional(controller: controllers.Proportional, rows: Rows) -> FloatArray:
-    error = rows.states[:, [0, 2]] - SET_POINT[[0, 2]]
-    return np.clip(STEADY_ACTION + controller._gains * error, rows.interface.action_low, rows.interface.action_high)
-
-
-def _constant(controller: controllers.Constant, rows: Rows) -> FloatArray:
-    return np.tile(controller._action, (len(rows.steps), 1))
-
-
-def _profile(_: controllers.Profile, rows: Rows) -> FloatArray:
-    return np.array([[profile_temperature(int(step))] for step in rows.steps])
-
-
-def _uniform(controller: controllers.Uniform, rows: Rows) -> FloatArray:
-    low, high = rows.interface.action_low, rows.interface.action_high
-    for memory in rows.memory:
-        if "generator" not in memory:
-            # The first episode of a seed has the number 0.
-            memory["generator"] = np.random.default_rng([controller._seed, native_seed(memory["seed"]), 0])
-    return np.stack([memory["generator"].uniform(low, high) for memory in rows.memory])
-
-
-def _policy(controller: controllers.Policy, rows: Rows) -> FloatArray:
-    return _of_model(controller._name, rows)
-
-
-def _nominal(_: controllers.Nominal, rows: Rows) -> FloatArray:
-    return _of_model("nominal", rows)
-
-
-def _of_model(policy: str, rows: Rows) -> FloatArray:
-    """What a policy of the model chooses in the environments of the rows, as they stand."""
-    batch: Any = rows.interface
-    chosen: FloatArray = np.atleast_2d(batch.policy(policy))
-    return chosen if rows.places is None else chosen[rows.places]
-
-
-_BATCHED: dict[type, Callable[[Any, Rows], FloatArray]] = {
-    controllers.Proportional: _proportional,
-    controllers.Constant: _constant,
-    controllers.Profile: _profile,
-    controllers.Uniform: _uniform,
-    controllers.Policy: _policy,
-    controllers.Nominal: _nominal,
-}

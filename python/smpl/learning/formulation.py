@@ -24,16 +24,15 @@ from smpl._arguments import (
     as_finite_number,
     as_mapping,
     as_number,
-    as_vector,
     check_names,
     elements,
 )
 from smpl.controllers import Uniform
-from smpl.controllers.adapt import check_spaces
 from smpl.envs import Env, Interface, from_unit, native_seed
-from smpl.evaluation import Episode
-from smpl.learning.agents import Agent, Rows, agent
+from smpl.episodes import Episode
+from smpl.learning.agents import agent
 from smpl.model import Model
+from smpl.policies import Rows, as_policy, check_spaces, draws
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"
@@ -266,8 +265,8 @@ class FormulatedPolicy(_Acting):
 
     def __init__(self, policy: Any, formulation: Formulation) -> None:
         super().__init__(formulation)
-        self._inner = Agent("inner", policy)
-        if self._inner.kind not in ("predict", "call"):
+        self._policy, self._inner, self.batched = policy, as_policy(policy), True
+        if self._inner.physical or self._inner.needs:
             raise TypeError(f"policy is {type(policy).__name__}, expected an object with predict, or a function")
 
     def check(self, env: Env) -> None:
@@ -277,20 +276,23 @@ class FormulatedPolicy(_Acting):
             ValueError: the numbers of observations or actions differ.
         """
         form = self._laid_over(env)
-        check_spaces(self._inner.chooser, form.observation_space(env.observation_space), form.action_space(), env)
+        check_spaces(self._policy, form.observation_space(env.observation_space), form.action_space(), env)
+        rows = Rows(env, env._returned[None], env.state[None], np.array([env.steps]), [{}])  # type: ignore[index]
+        self.batched = not draws(lambda: self.act(rows))
+
+    def reset(self, env: Any, seed: int | None) -> None:
+        """Start an episode of the policy."""
+        self._inner.reset(env, seed)
 
     def act(self, rows: Rows) -> FloatArray:
         """Actions for a batch, in the action space of the environment."""
         form = self._laid_over(rows.interface)
-        observations = form.observe(rows.memory, rows.observations)
-        actions = self._chosen(observations, rows.memory, len(form.learned))
+        seen = replace(rows, observations=form.observe(rows.memory, rows.observations))
+        actions = self._inner.act(seen)
+        if actions.shape != (len(rows.steps), len(form.learned)):
+            expected = len(rows.steps), len(form.learned)
+            raise ValueError(f"the policy gave actions of shape {actions.shape}, expected {expected}")
         return rows.interface.from_physical(form.physical(rows, actions))
-
-    def _chosen(self, observations: Array, memory: list[dict[str, Any]], width: int) -> Array:
-        """Actions of the formulation for a batch; a function is called row by row."""
-        if self._inner.kind == "predict":
-            return self._inner.predict(observations, memory, width)
-        return np.stack([as_vector("the policy's action", self._inner.chooser(one), width) for one in observations])
 
 
 class Exploration(_Acting):
@@ -413,14 +415,13 @@ def _centre(
     env = Env(interface.model, normalize=interface.normalize)
     observation, _ = env.reset(seed=0)
     try:
-        chosen.reset(env)
-        given = chosen.choose(env, observation, {"seed": 0})
+        chosen.policy.reset(env, 0)
+        given = chosen.act(Rows(env, observation[None], env.state[None], np.array([0]), [{"seed": 0}]))
     except ValueError as error:
         raise ValueError(f"centre is {name!r}, which is none for {interface.model.name}: {error}") from error
     if not np.isfinite(given).all():
         raise ValueError(f"centre is {name!r}, expected finite actions")
-    needs = "model" if chosen.asks_model else "states" if chosen.reads_states else ""
-    return lambda rows: interface.to_physical(chosen.act(rows)), needs
+    return lambda rows: interface.to_physical(chosen.act(rows)), chosen.needs
 
 
 # Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.

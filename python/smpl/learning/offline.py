@@ -20,7 +20,7 @@ from smpl._arguments import check_numbers
 from smpl._optional import load
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 from smpl.learning.configuration import SCALERS, check_scalers
 from smpl.learning.formulation import Form, Formulation, formulated, rewarded
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from smpl import _style
 from smpl._arguments import FloatArray
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, physical
 

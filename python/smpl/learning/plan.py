@@ -17,6 +17,7 @@ from smpl._arguments import FloatArray, as_count, as_number, check_within, eleme
 from smpl.envs import Env, SeedError, check_seed
 from smpl.learning.agents import Agent, agent
 from smpl.learning.starts import Starts
+from smpl.loop import Job
 from smpl.model import Model
 from smpl.vector import VectorEnv
 
@@ -88,26 +89,6 @@ class Task:
         digest.update(json.dumps(compiled, sort_keys=True, default=str).encode())
         digest.update(json.dumps(self.arguments, sort_keys=True, default=str).encode())
         return digest.hexdigest()
-
-
-@dataclass(frozen=True)
-class Job:
-    """One episode to run: what `reset` is given, who acts, and what is added to its actions.
-
-    Attributes:
-        index: number in the plan.
-        seed, options: as for `reset`.
-        agent: number of the agent.
-        shift: added to the actions, scaled to [-1, 1], (steps, actions); none without noise.
-        replaced: random actions in [-1, 1] that take the place of the agent's, NaN where they do not; none without.
-    """
-
-    index: int
-    seed: int
-    options: dict[str, Any] | None
-    agent: int
-    shift: FloatArray | None
-    replaced: FloatArray | None
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import Any
 import gymnasium
 
 from smpl._arguments import check_numbers
-from smpl.learning.agents import of_torchscript
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.offline import needs
 from smpl.learning.plan import Task
+from smpl.policies import of_torchscript
 
 ID = "smpl/Formulated-v0"
 # Module and class of each configuration.

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from smpl.envs import Env, Interface
-from smpl.learning.agents import FILES
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import FILE, Form, FormulatedPolicy, Formulation, LearnedBox, names_of
 from smpl.model import Model
+from smpl.policies import FILES
 from smpl.vector import VectorEnv
 
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from smpl._arguments import FloatArray, as_count
 from smpl._native import SimulationError
-from smpl.evaluation import Episode
+from smpl.episodes import Episode
 from smpl.learning.cluster import spread_on_ray
-from smpl.learning.plan import Job, Plan
-from smpl.learning.running import Settings, batched, run
+from smpl.learning.plan import Plan
+from smpl.learning.running import batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 from smpl.learning.workers import spread
+from smpl.loop import Job, Settings
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8
@@ -235,7 +236,7 @@ def summary(plan: Plan, job: Job, one: Episode, target: tuple[FloatArray, FloatA
     violations = {} if one.details is None else one.details.violations
     return Summary(
         job.index,
-        job.seed,
+        int(job.seed or 0),
         one.steps,
         float(one.rewards.sum()),
         middle,

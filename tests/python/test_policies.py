@@ -1,4 +1,7 @@
-"""Anything that chooses actions runs in `evaluate`."""
+"""Anything that chooses actions runs in `evaluate`, and in the commands with equal numbers."""
+
+import sys
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -6,8 +9,11 @@ import pytest
 from gymnasium.wrappers import RescaleAction, TransformObservation
 
 import smpl
-from smpl.controllers import Constant, Function, Noisy, Proportional
+from smpl.controllers import PID, Constant, Function, Loops, Noisy, Proportional, Uniform
+from smpl.datasets import collect
+from smpl.evaluate import compare_controllers
 from smpl.evaluation import evaluate, run_episode
+from smpl.policies import KINDS, as_policy
 
 K = np.array([[100.0, 0.0, 0.0], [0.0, 0.0, 0.5]])
 
@@ -139,3 +145,109 @@ def test_the_reading_is_what_the_environment_returned_in_physical_units(normaliz
         _ = env.reading
     env.reset(seed=2)
     np.testing.assert_allclose(env.reading, np.clip(env.state, env.observation_low, env.observation_high), rtol=1e-6)
+
+
+class OnRows:
+    """A policy of smpl: it acts on a batch."""
+
+    def act(self, rows):
+        interface = rows.interface
+        error = rows.states[:, [0, 2]] - [0.8778252, 0.659]
+        chosen = np.clip([26.85, 0.1] + error * [100.0, 0.5], interface.action_low, interface.action_high)
+        return interface.from_physical(chosen)
+
+
+POLICIES = {
+    "Stable-Baselines3": lambda env: Library(env),
+    "d3rlpy": Rows,
+    "RLlib": RLlib,
+    "function": lambda env: lambda seen: physical(env, seen),
+    "rows": lambda env: OnRows(),
+    "controller with a batched law": lambda env: Proportional(),
+    "controller": lambda env: Loops(PID("T", "T_c", gain=0.3), others={"q_out": 0.1}),
+    "random controller": lambda env: Uniform(3),
+    "noisy controller": lambda env: Noisy(Proportional(), {"T_c": 0.2}),
+}
+
+
+class Library:
+    """The interface of Stable-Baselines3: one observation, or a batch of them."""
+
+    def __init__(self, env):
+        self.env = env
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        rows = [physical(self.env, one) for one in np.atleast_2d(observation)]
+        return np.array(rows if np.ndim(observation) == 2 else rows[0]), None
+
+
+def equal(one, other):
+    for name in ("observations", "states", "actions", "rewards", "terminations", "truncations", "costs", "times"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert (one.failure, one.success, one.seed) == (other.failure, other.success, other.seed)
+    np.testing.assert_array_equal(one.details.physical, other.details.physical)
+    for name in ("rewards", "violations", "discrete", "disturbances"):
+        for key, values in getattr(one.details, name).items():
+            np.testing.assert_array_equal(values, getattr(other.details, name)[key])
+
+
+@pytest.mark.parametrize("kind", POLICIES)
+def test_evaluation_collection_and_the_command_give_the_same_episodes(kind, tmp_path):
+    env = smpl.Env("reactor", max_steps=20)
+    expected = evaluate(env, POLICIES[kind](env), 5, seed=4)
+    stored = collect("reactor", POLICIES[kind](env), 5, tmp_path, seed=4, max_steps=20, workers=1, states=True)
+    for one, other in zip(stored, expected, strict=True):
+        equal(one, other)
+    _, (score,) = compare_controllers("reactor", [POLICIES[kind](env)], 5, seed=4, workers=1, max_steps=20)
+    assert score.report()["returns"] == [one.total for one in expected]
+
+
+def test_each_kind_in_the_table_is_recognised():
+    env = smpl.Env("reactor")
+    names = ("controller", "Stable-Baselines3", "d3rlpy", "rows", "RLlib", "function")
+    for kind, name in zip(KINDS, names, strict=True):
+        assert isinstance(as_policy(POLICIES[name](env)), kind.adapter), name
+    with pytest.raises(TypeError, match="controller is the class Proportional, expected an object with reset"):
+        as_policy(Proportional)
+    with pytest.warns(DeprecationWarning, match=r"use smpl\.policies\.as_policy"):
+        assert smpl.controllers.as_player is as_policy
+
+
+@pytest.fixture
+def torch(monkeypatch):
+    """The random generator of torch, which need not be installed: NumPy's under its names."""
+    generator = [np.random.default_rng(0)]
+
+    def manual_seed(seed):
+        generator[0] = np.random.default_rng(seed)
+
+    def set_rng_state(state):
+        generator[0].bit_generator.state = state
+
+    found = SimpleNamespace(
+        manual_seed=manual_seed, get_rng_state=lambda: generator[0].bit_generator.state, set_rng_state=set_rng_state,
+        equal=lambda one, other: one == other, rand=lambda *shape: generator[0].uniform(size=shape),
+    )  # fmt: skip
+    monkeypatch.setitem(sys.modules, "torch", found)
+    return found
+
+
+class Sampling:
+    """A policy with a row for each observation that draws its actions."""
+
+    def __init__(self, torch):
+        self.torch = torch
+
+    def predict(self, observations):
+        return self.torch.rand(len(observations), 2) - 0.5
+
+
+@pytest.mark.parametrize("kind", [Sampling, lambda torch: lambda seen: torch.rand(2) - 0.5])
+def test_a_policy_that_draws_scores_the_same_in_evaluation_and_in_the_command(kind, torch):
+    expected = [one.total for one in evaluate(smpl.Env("reactor", max_steps=20), kind(torch), 5, seed=4)]
+    assert len(set(expected)) == 5
+    for workers in (1, 2):
+        found = compare_controllers("reactor", [kind(torch)], 5, seed=4, workers=workers, max_steps=20)[1][0].report()
+        assert found["returns"] == expected
+    alone = run_episode(smpl.Env("reactor", max_steps=20), kind(torch), 6)
+    assert alone.total == expected[2]
