@@ -22,15 +22,21 @@ def announce_library() -> None:
     os.environ.setdefault("SMPL_LIBRARY", str(models_directory()))
 
 
+def model_folders() -> tuple[Path, Path]:
+    """Folders in which shipped models are found by name: `models` and its `gallery`."""
+    return models_directory(), models_directory() / "gallery"
+
+
 def model_path(name: str) -> Path:
-    """Path of a shipped model, `reactor` -> `.../reactor.eq`.
+    """Path of a shipped model, `reactor` -> `.../reactor.eq`, `column_a` -> `.../gallery/column_a.eq`.
 
     Raises:
         FileNotFoundError: there is no such model; the message lists those that there are.
     """
-    if is_shipped(name):
-        return models_directory() / f"{name}.eq"
-    known = sorted(file.stem for file in models_directory().glob("*.eq"))
+    path = _shipped(name)
+    if path is not None:
+        return path
+    known = sorted(file.stem for folder in model_folders() for file in folder.glob("*.eq"))
     plain = {stem.replace("_", ""): stem for stem in known}
     near = get_close_matches(name.lower().replace("_", ""), plain, 1)
     hint = f" did you mean {plain[near[0]]!r}?" if near else ""
@@ -39,4 +45,11 @@ def model_path(name: str) -> Path:
 
 def is_shipped(name: str) -> bool:
     """Whether a text is the name of a shipped model. What is in the working folder does not matter."""
-    return name.isidentifier() and (models_directory() / f"{name}.eq").is_file()
+    return _shipped(name) is not None
+
+
+def _shipped(name: str) -> Path | None:
+    if not name.isidentifier():
+        return None
+    paths = (folder / f"{name}.eq" for folder in model_folders())
+    return next((path for path in paths if path.is_file()), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium
 
-from smpl._files import models_directory
+from smpl._files import is_shipped
 
 # Name of the environment -> file of the model.
 ENVIRONMENTS = {
@@ -16,6 +16,18 @@ ENVIRONMENTS = {
     "MAbPlant": "mab_plant",
 }
 
+# The same for the plants in `models/gallery`.
+GALLERY = {
+    "TennesseeEastman": "tennessee_eastman",
+    "BSM1": "bsm1",
+    "FourTanks": "four_tanks",
+    "VanDeVusse": "van_de_vusse",
+    "WilliamsOtto": "williams_otto",
+    "ColumnA": "column_a",
+    "PHNeutralisation": "ph_neutralisation",
+    "Evaporator": "evaporator",
+}
+
 
 def register_envs() -> None:
     """Register `smpl/NAME-v0` for every shipped model, unless it is registered already.
@@ -23,9 +35,9 @@ def register_envs() -> None:
     No `max_episode_steps` is given: the environment counts its steps itself, by its scenario. Entry points are text
     and arguments plain data, so that a specification can be written as JSON.
     """
-    for name, model in ENVIRONMENTS.items():
+    for name, model in (ENVIRONMENTS | GALLERY).items():
         identifier = f"smpl/{name}-v0"
-        if identifier in gymnasium.registry or not (models_directory() / f"{model}.eq").is_file():
+        if identifier in gymnasium.registry or not is_shipped(model):
             continue
         gymnasium.register(
             id=identifier,

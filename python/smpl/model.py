@@ -27,7 +27,7 @@ from smpl._arguments import (
     pairs_of,
     shorten,
 )
-from smpl._files import is_shipped, model_path, models_directory
+from smpl._files import is_shipped, model_folders, model_path, models_directory
 from smpl._names import Named
 from smpl._optional import load
 from smpl._step import Step
@@ -601,7 +601,7 @@ def _portable(arguments: dict[str, Any]) -> dict[str, Any]:
     """Arguments that mean the same elsewhere: shipped models by their names, other files by absolute paths."""
     path, scenario = arguments["path"], arguments["scenario"]
     if path is not None:
-        shipped = Path(path).parent == models_directory() and Path(path).suffix == ".eq"
+        shipped = Path(path).parent in model_folders() and Path(path).suffix == ".eq"
         path = Path(path).stem if shipped else str(Path(path).absolute())
     if scenario is not None and Path(scenario).suffix in (".yaml", ".yml"):
         scenario = str(Path(scenario).absolute())

@@ -14,7 +14,7 @@ import numpy as np
 
 import smpl
 from smpl._arguments import FloatArray
-from smpl._registry import ENVIRONMENTS
+from smpl._registry import ENVIRONMENTS, GALLERY
 from smpl.bench.common import seconds, title
 from smpl.controllers import Controller, Nominal, Policy
 
@@ -33,7 +33,7 @@ def main(repeats: int) -> None:
     title(
         f"Environments: steps a second on one thread, alone and {BATCH} together, by the model's method, ida and auto"
     )
-    for name, model in ENVIRONMENTS.items():
+    for name, model in (ENVIRONMENTS | GALLERY).items():
         actions = nominal_actions(smpl.Env(model, normalize=False))
         runs = [smpl.Env(model, normalize=False, method=method) for method in METHODS]
         cases = {

@@ -7,11 +7,12 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-from smpl._registry import ENVIRONMENTS
+from smpl._registry import ENVIRONMENTS, GALLERY
 from smpl.controllers.base import Constant, Policy
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.culture import CultureMPC
 from smpl.controllers.full_information import full_information
+from smpl.controllers.gallery import LOOPS
 from smpl.controllers.pensim import RecipeSearch
 from smpl.controllers.reactor import Proportional, ReactorNMPC
 
@@ -38,6 +39,7 @@ _BASELINES: dict[str, dict[str, Callable[..., Any]]] = {
 }
 for _name, _known in _BASELINES.items():
     _known["full_information"] = partial(full_information, _name)
+_BASELINES |= {name: {"pid": loops} for name, loops in LOOPS.items()}
 
 
 def baseline(env_name: str, name: str, **options: Any) -> Any:
@@ -47,7 +49,7 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
         env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
         name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
             (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `full_information` for each, which
-            knows the state and the parameters of the episode.
+            knows the state and the parameters of the episode. Plants of the gallery have `pid`.
         options: further arguments of the controller, such as `temperature` of `isothermal`.
 
     Raises:
@@ -68,7 +70,9 @@ def baselines(env_name: str) -> tuple[str, ...]:
 
 def _model(env_name: str) -> str:
     plain = str(env_name).removeprefix("smpl:").removeprefix("smpl/").removesuffix("-v0")
-    names = {name.lower(): model for name, model in ENVIRONMENTS.items()} | {model: model for model in _BASELINES}
+    names = {name.lower(): model for name, model in (ENVIRONMENTS | GALLERY).items()} | {
+        model: model for model in _BASELINES
+    }
     if plain.lower() in names:
         return names[plain.lower()]
     near = get_close_matches(plain.lower(), names, 1)

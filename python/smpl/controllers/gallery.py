@@ -1,0 +1,70 @@
+"""Decentralised loops, the baseline `pid` of the plants of the gallery.
+
+Gains are in the units of the action over those of the measurement, times in the model's unit of time. Set-points that
+move are observed as errors, of which the set-point is 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from smpl.controllers.pid import PID, Loops
+
+
+def _tennessee_eastman() -> Loops:
+    return Loops(
+        PID("T_reactor", "u[reactor_cw]", -5, 0.5, set_point=120.4),
+        PID("p_reactor", "u[purge]", -0.1, 20, set_point=2705),
+        PID("L_reactor", "u[E_feed]", 0.5, 5, set_point=75),
+        PID("L_sep", "u[underflow]", -0.5, set_point=50),
+        PID("L_strip", "u[product]", -0.5, set_point=50),
+    )
+
+
+def _bsm1() -> Loops:
+    """Loops of the benchmark; less oxygen than its 2 g/m3 costs less here."""
+    return Loops(
+        PID("tank[5].c[S_O]", "kLa5", 25, 0.05, set_point=0.7),
+        PID("tank[2].c[S_NO]", "Q_a", 10000, 0.1, set_point=1),
+    )
+
+
+def _four_tanks() -> Loops:
+    """Loops of Johansson 2000 for the minimum phase."""
+    return Loops(PID("e_1", "v_1", -3, 30, set_point=0), PID("e_2", "v_2", -2.7, 40, set_point=0))
+
+
+def _van_de_vusse() -> Loops:
+    return Loops(PID("e", "f", -10, 0.05, set_point=0), PID("T", "Q_K", 500, 0.05))
+
+
+def _williams_otto() -> Loops:
+    return Loops(PID("X_A", "F_B", -20, 600, set_point=0.0875), PID("X_G", "T_R", 50, 600, set_point=0.1075))
+
+
+def _column_a() -> Loops:
+    return Loops(PID("x_D", "L", 26.1, 3.76, set_point=0.99), PID("x_B", "V", -37.5, 3.31, set_point=0.01))
+
+
+def _ph_neutralisation() -> Loops:
+    return Loops(PID("pH", "q_3", 5, 60, set_point=7), PID("h", "q_1", 0.5, 400, set_point=14))
+
+
+def _evaporator() -> Loops:
+    return Loops(
+        PID("L_2", "F_2", -8, 20, set_point=1),
+        PID("X_2", "P_100", 4, 20, set_point=25),
+        PID("P_2", "F_200", -100, 10, set_point=50.5),
+    )
+
+
+LOOPS: dict[str, Callable[[], Loops]] = {
+    "tennessee_eastman": _tennessee_eastman,
+    "bsm1": _bsm1,
+    "four_tanks": _four_tanks,
+    "van_de_vusse": _van_de_vusse,
+    "williams_otto": _williams_otto,
+    "column_a": _column_a,
+    "ph_neutralisation": _ph_neutralisation,
+    "evaporator": _evaporator,
+}
