@@ -82,8 +82,8 @@ pub enum StatementKind {
     StartEquation { lhs: Expr, rhs: Expr, free: Vec<Expr>, binders: Vec<Binder> },
     /// `initial steady for (T, c)`: rates that are zero at the start
     StartSteady { targets: Vec<Expr> },
-    /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`
-    Steady { entries: Vec<(Expr, Expr)> },
+    /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`, `steady { p = 8.5 [bar], free Q }`
+    Steady { entries: Vec<(Expr, Expr)>, free: Vec<Expr> },
     /// `observe c_A, T` or `observe pH = -log10(H) in 0..16`
     Observe { items: Vec<Observation> },
     /// `level online "text" { observe ... }`: a named set of observations

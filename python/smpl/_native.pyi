@@ -112,6 +112,14 @@ class Model:
         fixed: Sequence[tuple[int, float]],
         guess: Sequence[tuple[int, float]],
     ) -> FloatArray: ...
+    def trim(
+        self,
+        u: FloatArray,
+        given: Given,
+        fixed: Sequence[tuple[int, float]],
+        free: Sequence[int],
+        guess: Sequence[tuple[int, float]],
+    ) -> tuple[FloatArray, FloatArray]: ...
     def reads_other_instants(self) -> bool: ...
     def linearize(
         self, y: FloatArray, u: FloatArray, given: Given

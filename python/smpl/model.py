@@ -270,6 +270,42 @@ class Model(Named):
         begin = pairs_of("guess", guess, self.unknown_names)
         return self.native.steady_state(self._u(u), self._given(p), held, begin)
 
+    def trim(
+        self,
+        fixed: Mapping[str, float],
+        free: Sequence[str],
+        u: npt.ArrayLike | None = None,
+        p: Mapping[str, float] | None = None,
+        guess: Mapping[str, float] | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Steady state in which some unknowns have given values and as many actions are found.
+
+        Args:
+            fixed: values of states and solved algebraic variables (`unknown_names`), physical units.
+            free: names of the actions that are found, as many as `fixed` has.
+            u: actions; those of `free` are guesses. The nominal ones by default.
+            p: parameters and the like.
+            guess: initial guess of unknowns by name, as for `steady_state`.
+
+        Returns:
+            The unknowns `y` and the actions.
+
+        Raises:
+            ValueError: an unknown name, a wrong shape or number of actions.
+            SimulationError: none was found.
+
+        Example:
+            >>> y, u = smpl.compile("reactor").trim({"h": 0.7}, ["q_out"])
+        """
+        held = pairs_of("fixed", fixed, self.unknown_names)
+        check_names("free", free, self.action_names)
+        if len(set(free)) != len(held):
+            raise ValueError(f"free has {len(set(free))} actions, fixed has {len(held)} values: they must be as many")
+        found = [self.action_names.index(name) for name in dict.fromkeys(free)]
+        begin = pairs_of("guess", guess, self.unknown_names)
+        given = self.native.defaults("action") if u is None else u
+        return self.native.trim(self._u(given), self._given(p), held, found, begin)
+
     def linearize(
         self, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

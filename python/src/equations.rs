@@ -157,7 +157,7 @@ impl Equations {
         let (_, declared) = steady::declared(&mut self.work, &self.catalogue, &mut y);
         let held_states: Held = match fixed {
             [] => declared,
-            some => Held { states: some.iter().map(|&(i, value)| (self.order[i], value)).collect(), conditions: Vec::new() },
+            some => Held { states: some.iter().map(|&(i, value)| (self.order[i], value)).collect(), ..Held::default() },
         };
         let mut held = Vec::new();
         for (role, region) in [(Role::Discrete, Region::Discrete), (Role::Disturbance, Region::Disturbance)] {
@@ -166,6 +166,31 @@ impl Equations {
         let found = steady::solve_held(&mut self.work, &self.catalogue, u, &held_states, &held, &mut y);
         found.and_then(|report| report.refuse_moving(&self.catalogue)).map_err(|e| steady_error(&e))?;
         Ok(self.order.iter().map(|&at| y[at]).collect())
+    }
+
+    /// Trim: the steady state and the actions of which those at positions `free` are found, so that unknowns at positions `fixed` have given values.
+    pub fn trim(
+        &mut self,
+        u: &[f64],
+        given: &Given,
+        fixed: &[(usize, f64)],
+        free: Vec<usize>,
+        begin: &[(usize, f64)],
+    ) -> PyResult<(Vec<f64>, Vec<f64>)> {
+        self.work.restore(self.nominal.memory().all());
+        let mut y = self.first_guess();
+        begin.iter().for_each(|&(i, value)| y[self.order[i]] = value);
+        self.y.copy_from_slice(&y);
+        self.set_given(given)?;
+        let held = Held { states: fixed.iter().map(|&(i, value)| (self.order[i], value)).collect(), free, ..Held::default() };
+        let mut values = Vec::new();
+        for (role, region) in [(Role::Discrete, Region::Discrete), (Role::Disturbance, Region::Disturbance)] {
+            values.extend(self.places(role, given)?.into_iter().map(|(at, value)| (region, at, value)));
+        }
+        steady::solve_held(&mut self.work, &self.catalogue, u, &held, &values, &mut y).map_err(|e| steady_error(&e))?;
+        let region = self.work.region(Region::Action);
+        let actions = self.catalogue.actions.elements().iter().map(|e| region[e.at]).collect();
+        Ok((self.order.iter().map(|&at| y[at]).collect(), actions))
     }
 
     /// Whether an equation reads values of the start of the episode, of the end of the step before or of the steady state.

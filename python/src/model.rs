@@ -297,6 +297,22 @@ impl Model {
         Ok(out.done())
     }
 
+    /// Steady state with some unknowns given and as many actions found; unknowns and actions.
+    #[allow(clippy::too_many_arguments, reason = "they are the arguments of the Python method")]
+    fn trim<'py>(
+        &self,
+        py: Python<'py>,
+        u: Input<'py>,
+        given: Given,
+        fixed: Vec<(usize, f64)>,
+        free: Vec<usize>,
+        guess: Vec<(usize, f64)>,
+    ) -> PyResult<(Vector<'py>, Vector<'py>)> {
+        let u = u.as_slice()?;
+        let (y, u) = self.evaluate(py, |equations| released(py, || equations.trim(u, &given, &fixed, free, &guess))?)?;
+        Ok((PyArray1::from_vec(py, y), PyArray1::from_vec(py, u)))
+    }
+
     /// Steady state at given actions.
     fn steady_state<'py>(
         &self,

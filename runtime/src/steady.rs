@@ -33,6 +33,7 @@ pub use frames::rest_at;
 pub use kinks::kink;
 pub(crate) use motion::Motion;
 use newton::Search;
+use problem::Given;
 
 /// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.
 const MAX_ROUNDS: u32 = 100;
@@ -77,6 +78,8 @@ pub struct Held {
     pub states: Vec<(usize, f64)>,
     /// Conditions of the model's `steady` block, `A + B = 1`, by number.
     pub conditions: Vec<usize>,
+    /// Actions that are found with the unknowns, by position: as many as states and conditions, which hold in addition to the equations (trim).
+    pub free: Vec<usize>,
 }
 
 impl Held {
@@ -134,7 +137,8 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
     model.steady(memory, y, &mut out);
     let states = out.split_off(actions.len());
     let states = problem.fixed.iter().map(|&at| at as usize).zip(states).collect();
-    (out, Held { states, conditions: (0..conditions).collect() })
+    let free = problem.free.iter().map(|&position| position as usize).collect();
+    (out, Held { states, conditions: (0..conditions).collect(), free })
 }
 
 /// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
@@ -180,7 +184,7 @@ pub fn solve(
     fixed: &[(usize, f64)],
     y: &mut [f64],
 ) -> Result<SteadyReport, SteadyError> {
-    let held = Held { states: fixed.to_vec(), conditions: Vec::new() };
+    let held = Held { states: fixed.to_vec(), ..Held::default() };
     solve_held(system, catalogue, actions, &held, &[], y)
 }
 
@@ -209,8 +213,13 @@ pub fn solve_held(
         is_held[at] = true;
     }
     let saved = Saved::of(system);
-    let found = settle(system, catalogue, (&is_held, &held.conditions), given, y).map(|(iterations, replaced)| {
-        replaced.into_iter().for_each(|row| is_held[row] = true);
+    let free: Vec<usize> = held.free.iter().map(|&position| catalogue.actions.elements()[position].at).collect();
+    let mut point = y.to_vec();
+    point.extend(free.iter().map(|&at| system.region(Region::Action)[at]));
+    let sought = Given { fixed: &is_held, conditions: &held.conditions, actions: &free };
+    let found = settle(system, catalogue, sought, given, &mut point).map(|(iterations, replaced)| {
+        y.copy_from_slice(&point[..y.len()]);
+        replaced.into_iter().filter(|&row| row < y.len()).for_each(|row| is_held[row] = true);
         frames::rest_at(system, y);
         report(system, catalogue, &is_held, y, iterations)
     });
@@ -226,18 +235,19 @@ pub fn solve_held(
 fn settle(
     system: &mut CompiledSystem,
     catalogue: &Catalogue,
-    (fixed, conditions): (&[bool], &[usize]),
+    sought: Given<'_>,
     given: &[GivenValue],
     y: &mut [f64],
 ) -> Result<(u32, Vec<usize>), SteadyError> {
-    begin_round(system, given, y);
-    settle_algebraic(system, catalogue, y);
-    let mut search = Search::new(system, catalogue, fixed, conditions, y)?;
+    let n = sought.fixed.len();
+    begin_round(system, given, &mut y[..n]);
+    settle_algebraic(system, catalogue, &mut y[..n], sought.fixed);
+    let mut search = Search::new(system, catalogue, sought, y)?;
     let mut iterations = 0;
     for round in 1..=MAX_ROUNDS {
         iterations += search.run(system, catalogue, y)?;
         let before = system.region(Region::Discrete).to_vec();
-        begin_round(system, given, y);
+        begin_round(system, given, &mut y[..n]);
         let settled = unchanged(catalogue, &before, system.region(Region::Discrete));
         if (settled || round == MAX_ROUNDS) && search.problem.rests(system, y) {
             return Ok((iterations, search.problem.replaced().collect()));
@@ -258,13 +268,14 @@ fn begin_round(system: &mut CompiledSystem, given: &[GivenValue], y: &mut [f64])
 }
 
 /// Makes the solved variables fit the guessed states where that is possible: their own guesses are often none.
-fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64]) {
+fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64], fixed: &[bool]) {
     let states = system.model().states();
-    if states == y.len() {
+    // A variable that is held belongs to other states.
+    if states == y.len() || fixed[states..].contains(&true) {
         return;
     }
     let is_state: Vec<bool> = (0..y.len()).map(|at| at < states).collect();
-    let Ok(mut search) = Search::new(system, catalogue, &is_state, &[], y) else { return };
+    let Ok(mut search) = Search::new(system, catalogue, Given { fixed: &is_state, conditions: &[], actions: &[] }, y) else { return };
     let (mut trial, mut first) = (y.to_vec(), None);
     for number in 0..=ALGEBRAIC_GUESSES {
         trial.copy_from_slice(y);
@@ -301,13 +312,16 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
     let mut fixed = vec![false; y.len()];
     held.states.iter().for_each(|&(at, _)| fixed[at] = true);
     let free = fixed.iter().filter(|fixed| !**fixed).count();
-    if free == 0 || free > MANY {
+    if free == 0 || free > MANY || !held.free.is_empty() {
         return found;
     }
     for number in 0..GUESSES {
         let mut system = system.clone();
         let mut trial = y.to_vec();
-        let Ok(mut search) = Search::new(&mut system, catalogue, &fixed, &held.conditions, y) else { break };
+        let Ok(mut search) = Search::new(&mut system, catalogue, Given { fixed: &fixed, conditions: &held.conditions, actions: &[] }, y)
+        else {
+            break;
+        };
         search.other_guess(number, &mut trial);
         let near = search.run_once(&mut system, &mut trial) && search.is_inside(&trial);
         let known = |known: &[f64], trial: &[f64]| {
@@ -362,5 +376,8 @@ fn unknown_name(catalogue: &Catalogue, at: usize) -> Option<String> {
 }
 
 fn equation_name(model: &CompiledModel, catalogue: &Catalogue, at: usize) -> String {
-    crate::failure::describe_equation(at, model, catalogue, None)
+    match at.checked_sub(model.unknowns()) {
+        None => crate::failure::describe_equation(at, model, catalogue, None),
+        Some(condition) => format!("condition {} of the `steady` block", condition + 1),
+    }
 }

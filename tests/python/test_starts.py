@@ -281,3 +281,66 @@ episode { step = 1 [s], max_steps = 5 }
     assert found["wrong_entries"] == [] and found["start_failure"] is None
     text = subprocess.run([sys.executable, "-m", "smpl", "diagnose", str(model)], check=True, capture_output=True, text=True).stdout
     assert "never" in text and "-1000" in text
+
+
+TRIM = """
+model plant
+time t : s
+action Q : kW = 10 in 0..1000
+action F : kg/s = 1 in 0.1..5
+state T : K = 320 in 250..500
+state h : m = 1 in 0.01..5
+var p : bar = 1 in 0..50
+eq ln(p/1 [bar]) = 11.7 - 3800 [K]/(T - 46 [K])
+eq d/dt T = (Q - F*4.18 [kJ/kg/K]*(T - 300 [K]) - 5e-3 [kW/K]*(T - 300 [K]))/(h*400 [kJ/m/K])
+eq d/dt h = (F - 0.8 [kg/s]*sqrt(h/1 [m]))/100 [kg/m]
+{steady}
+observe T in 250..500
+episode {{ step = 1 [s], max_steps = 3 }}
+"""
+BOILING = 46 + 3800 / (11.7 - math.log(8.5))
+
+
+def test_trim_finds_actions_for_given_states_and_variables():
+    model = smpl.compile(source=TRIM.format(steady=""))
+    y, u = model.trim({"p": 8.5, "h": 2.0}, ["Q", "F"])
+    found = dict(zip(model.unknown_names, y, strict=True))
+    flow = 0.8 * math.sqrt(2)
+    assert u == pytest.approx([(flow * 4.18 + 5e-3) * (BOILING - 300), flow], rel=1e-9)
+    assert [found["T"], found["h"], found["p"]] == pytest.approx([BOILING, 2, 8.5], rel=1e-9)
+    with pytest.raises(ValueError, match="as many"):
+        model.trim({"p": 8.5}, ["Q", "F"])
+    with pytest.raises(ValueError, match="unknown 'G'"):
+        model.trim({"p": 8.5}, ["G"])
+
+
+def test_a_steady_block_frees_actions():
+    source = TRIM.format(steady="steady { p = 8.5 [bar], h = 2 [m], free Q, F }")
+    made = env(source)
+    flow = 0.8 * math.sqrt(2)
+    assert made.unwrapped.steady_action == pytest.approx([(flow * 4.18 + 5e-3) * (BOILING - 300), flow], rel=1e-9)
+    made.reset(seed=1, options={"start": "steady"})
+    assert made.unwrapped.state == pytest.approx([BOILING, 2], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("steady", "message"),
+    [
+        ("steady { p = 8.5 [bar], free Q, F }", "2 actions are free, 1 states and conditions are given"),
+        ("steady { p = 8.5 [bar], free T }", "T"),
+        ("steady { Q }", "needs `= value`"),
+    ],
+)
+def test_trims_that_cannot_be_are_diagnosed(steady, message):
+    with pytest.raises(smpl.CompileError, match=message):
+        smpl.compile(source=TRIM.format(steady=steady))
+
+
+def test_the_command_trims(tmp_path):
+    model, stored = tmp_path / "plant.eq", tmp_path / "s.csv"
+    model.write_text(TRIM.format(steady=""))
+    command = [sys.executable, "-m", "smpl", "steady", str(model), "--fix", "p=8.5", "--fix", "h=2", "--free", "Q", "--free", "F"]
+    subprocess.run([*command, "--out", str(stored)], check=True, capture_output=True)
+    rows = dict(line.split(",")[::2] for line in stored.read_text().splitlines()[1:])
+    assert float(rows["F"]) == pytest.approx(0.8 * math.sqrt(2), rel=1e-9)
+    assert float(rows["p"]) == pytest.approx(8.5, rel=1e-9)

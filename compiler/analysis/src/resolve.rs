@@ -227,7 +227,11 @@ impl Resolver<'_> {
                 self.exprs(free);
             }
             StatementKind::StartSteady { targets } => self.exprs(targets),
-            StatementKind::Steady { entries } | StatementKind::Policy { entries, .. } => {
+            StatementKind::Steady { entries, free } => {
+                entries.iter().for_each(|(target, value)| self.exprs([target, value]));
+                self.exprs(free);
+            }
+            StatementKind::Policy { entries, .. } => {
                 entries.iter().for_each(|(target, value)| self.exprs([target, value]));
             }
             StatementKind::Observe { items } => items.iter().for_each(|item| self.observation(item)),

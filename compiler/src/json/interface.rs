@@ -276,7 +276,7 @@ fn steady(at: &At<'_>, states: &[Quantity]) -> Result<Option<Steady>, ReadError>
     if at.is_null() {
         return Ok(None);
     }
-    at.only(&["fixed", "conditions", "given"])?;
+    at.only(&["fixed", "conditions", "given", "free"])?;
     let names = states.iter().flat_map(|q| (0..q.len()).map(|e| q.element_name(e)));
     let places: std::collections::HashMap<String, u32> = names.zip(0..).collect();
     let fixed = at.field("fixed")?.list(|name| {
@@ -284,7 +284,8 @@ fn steady(at: &At<'_>, states: &[Quantity]) -> Result<Option<Steady>, ReadError>
         places.get(text).copied().ok_or_else(|| name.fault(format!("there is no state `{text}`")))
     })?;
     let conditions = at.field("conditions")?.count(MAX_ELEMENTS as u32)?;
-    Ok(Some(Steady { fixed, conditions, given: at.field("given")?.flag()? }))
+    let free = at.maybe("free")?.map_or_else(|| Ok(Vec::new()), |at| at.list(|position| position.count(MAX_ELEMENTS as u32)))?;
+    Ok(Some(Steady { fixed, conditions, given: at.field("given")?.flag()?, free }))
 }
 
 fn start_condition(at: &At<'_>) -> Result<StartCondition, ReadError> {

@@ -188,7 +188,7 @@ fn finish(finish: &Finish) -> Value {
 }
 
 fn steady(i: &Interface, families: &Families) -> Value {
-    let Some(Steady { fixed, conditions, given }) = &i.steady else { return Value::Null };
+    let Some(Steady { fixed, conditions, given, free }) = &i.steady else { return Value::Null };
     let mut inside: Vec<&Element> = families.states.iter().collect();
     if let Some(order) = &i.quantities.state_order {
         let mut sorted = inside.clone();
@@ -196,7 +196,11 @@ fn steady(i: &Interface, families: &Families) -> Value {
         inside = sorted;
     }
     let fixed: Vec<&str> = fixed.iter().filter_map(|&at| Some(inside.get(at as usize)?.name.as_str())).collect();
-    json!({"fixed": fixed, "conditions": conditions, "given": given})
+    let mut object = json!({"fixed": fixed, "conditions": conditions, "given": given});
+    if !free.is_empty() {
+        object["free"] = json!(free);
+    }
+    object
 }
 
 fn action(action: RootAction) -> Value {

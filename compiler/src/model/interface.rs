@@ -181,6 +181,8 @@ pub struct Steady {
     pub conditions: u32,
     /// The steady state is given in full, nothing is solved.
     pub given: bool,
+    /// Actions that are found with the state, by position: as many as states and conditions.
+    pub free: Vec<u32>,
 }
 
 /// Conditions at the start, `initial eq p = 2 [bar] for z`: as many states as there are conditions become unknowns of the start.

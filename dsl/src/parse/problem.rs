@@ -32,7 +32,7 @@ pub(super) fn rule(keyword: &str) -> Option<Rule> {
 pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
     match context.keyword {
         "initial" => initial(context, children),
-        "steady" => Ok(StatementKind::Steady { entries: steady_entries(context, children)? }),
+        "steady" => steady(context, children),
         "observe" => Ok(StatementKind::Observe { items: observations(context, children)? }),
         "level" => Ok(StatementKind::Level { name: children.name(context)?, text: children.text(), body }),
         "reward" => reward(context, children),
@@ -95,15 +95,29 @@ fn start_places(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<Exp
     pair.into_inner().filter(|part| part.as_rule() == Rule::place).map(|part| expression::place(context, part)).collect()
 }
 
-/// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`.
-fn steady_entries(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Expr, Expr)>> {
-    let lower = |part: Pair<'_, Rule>| {
+/// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`; `free Q, u` names actions that are found.
+fn steady(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
+    let (mut entries, mut free) = (Vec::new(), Vec::new());
+    let mut is_free = false;
+    for part in children.pairs.filter(|part| part.as_rule() == Rule::steady_entry) {
+        let whole = context.span(&part);
         let mut children = Children::new(part);
+        let begins = children.skip(Rule::kw_free);
+        if let Some(place) = children.take(Rule::place) {
+            is_free |= begins;
+            if !is_free {
+                let fault = Diagnostic::error(codes::SYNTAX, "a steady value needs `= value`", whole);
+                return Err(Box::new(fault.help("write `name = value`, or `free name` for an action that is found")));
+            }
+            free.push(expression::place(context, place)?);
+            continue;
+        }
+        is_free = false;
         let left = expression::expr(context, children.expect(context, Rule::expr)?)?;
         children.skip(Rule::equals);
-        Ok((left, expression::expr(context, children.expect(context, Rule::expr)?)?))
-    };
-    children.pairs.filter(|part| part.as_rule() == Rule::steady_entry).map(lower).collect()
+        entries.push((left, expression::expr(context, children.expect(context, Rule::expr)?)?));
+    }
+    Ok(StatementKind::Steady { entries, free })
 }
 
 fn place_entries(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<(Expr, Expr)>> {

@@ -43,7 +43,7 @@ struct Null {
 
 /// What is free near `y`; `None` where everything is determined or there are too many unknowns to tell.
 pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Option<Freedom> {
-    if problem.free.is_empty() || problem.free.len() > LARGE {
+    if problem.free.is_empty() || problem.free.len() > LARGE || problem.has_actions() {
         return None;
     }
     let samples: Vec<Sample> = DISTANCES.iter().filter_map(|&d| sample(problem, system, y, d)).collect();

@@ -3,7 +3,7 @@
 use smpl_compiler::compiled::tangent;
 use smpl_compiler::layout::{Part, Region};
 
-use super::problem::Problem;
+use super::problem::{Given, Problem};
 use super::{MAX_ROUNDS, PARTS, declared, frames};
 use crate::catalogue::{Catalogue, Element};
 use crate::sensitivity::tangents::{Point, Tangents};
@@ -69,8 +69,12 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
     let (_, held) = declared(&mut system, catalogue, &mut y.clone());
     let mut is_held = vec![false; n];
     held.states.iter().for_each(|&(at, _)| is_held[at] = true);
-    let mut problem = Problem::new(&mut system, catalogue, &is_held, &held.conditions, &y).map_err(|e| e.to_string())?;
-    problem.factorise(&mut system, &y, 0.0).map_err(|_| "the steady state is not determined by the equations near it")?;
+    let of_free: Vec<usize> = held.free.iter().map(|&position| catalogue.actions.elements()[position].at).collect();
+    let mut whole = y.clone();
+    whole.extend(of_free.iter().map(|&at| system.region(Region::Action)[at]));
+    let given = Given { fixed: &is_held, conditions: &held.conditions, actions: &of_free };
+    let mut problem = Problem::new(&mut system, catalogue, given, &whole).map_err(|e| e.to_string())?;
+    problem.factorise(&mut system, &whole, 0.0).map_err(|_| "the steady state is not determined by the equations near it")?;
     let (free, replaced): (Vec<usize>, Vec<usize>) = (problem.free.clone(), problem.replaced().collect());
 
     let mut tangents = Tangents::new(&system, width);
@@ -88,14 +92,19 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
             tangents.set_y(at, j, tangents.output(of_states + number, j));
         }
     }
-    let (mut rows, mut correction) = (vec![vec![0.0; n]; width], vec![0.0; free.len()]);
+    // An unknown of the state, or an action that is found with it.
+    let set = |tangents: &mut Tangents, at: usize, j: usize, value: f64| match at.checked_sub(n) {
+        None => tangents.set_y(at, j, value),
+        Some(action) => tangents.set_work(first + of_free[action], j, value),
+    };
+    let (mut rows, mut correction) = (vec![vec![0.0; problem.rows.len()]; width], vec![0.0; free.len()]);
     for _ in 0..MAX_ROUNDS {
         for j in 0..width {
-            free.iter().for_each(|&at| tangents.set_y(at, j, 0.0));
+            free.iter().for_each(|&at| set(&mut tangents, at, j, 0.0));
         }
         keep(&mut tangents, &system);
         tangents.run(&system, tangent::Part::Rows, point, n)?;
-        rows.iter_mut().enumerate().for_each(|(j, row)| row.iter_mut().enumerate().for_each(|(at, r)| *r = tangents.output(at, j)));
+        rows.iter_mut().enumerate().for_each(|(j, row)| row[..n].iter_mut().enumerate().for_each(|(at, r)| *r = tangents.output(at, j)));
         if !replaced.is_empty() {
             tangents.run(&system, tangent::Part::Steady, point, declared_numbers)?;
             for (j, row) in rows.iter_mut().enumerate() {
@@ -105,7 +114,7 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
         for (j, row) in rows.iter().enumerate() {
             problem.rows.copy_from_slice(row);
             problem.correction(&mut correction);
-            free.iter().zip(&correction).for_each(|(&at, &value)| tangents.set_y(at, j, value));
+            free.iter().zip(&correction).for_each(|(&at, &value)| set(&mut tangents, at, j, value));
         }
         keep(&mut tangents, &system);
         let before = discretes(&tangents, &system, catalogue);

@@ -5,7 +5,7 @@ mod iterations;
 use super::bounds::{self, Bounds};
 use super::error::{AtBound, Freedom, SteadyError};
 use super::freedom::{LARGE, freedom};
-use super::problem::Problem;
+use super::problem::{Given, Problem};
 use super::{equation_name, unknown_name};
 use crate::catalogue::Catalogue;
 use crate::interrupt::Pace;
@@ -57,16 +57,11 @@ enum Way {
 }
 
 impl Search {
-    /// `conditions` are the numbers of those that hold.
-    pub(super) fn new(
-        system: &mut CompiledSystem,
-        catalogue: &Catalogue,
-        fixed: &[bool],
-        conditions: &[usize],
-        y: &[f64],
-    ) -> Result<Self, SteadyError> {
-        let problem = Problem::new(system, catalogue, fixed, conditions, y)?;
-        let (bounds, first_step) = (bounds::of(catalogue, fixed.len()), 0.1 * system.model().interface().episode.step);
+    /// A search near `y`.
+    pub(super) fn new(system: &mut CompiledSystem, catalogue: &Catalogue, given: Given<'_>, y: &[f64]) -> Result<Self, SteadyError> {
+        let problem = Problem::new(system, catalogue, given, y)?;
+        let bounds = bounds::of(catalogue, given.fixed.len(), given.actions);
+        let first_step = 0.1 * system.model().interface().episode.step;
         let mut search = Self { problem, bounds, first_step, pace: Pace::default(), interrupted: false };
         if search.problem.is_singular() {
             let unknown = search.problem.empty_column().and_then(|at| unknown_name(catalogue, at));
@@ -125,7 +120,7 @@ impl Search {
             }
         }
         if let Some((at, value)) = outside {
-            return Err(bounds::refusal(&self.bounds, catalogue, at, value));
+            return Err(bounds::refusal(&self.bounds, &self.problem, catalogue, at, value));
         }
         // That a matrix on the way was singular says something only where nothing else is known.
         if let Some(column) = singular.filter(|_| best.size.is_infinite() || self.problem.free.len() > LARGE) {
@@ -174,7 +169,7 @@ impl Search {
         if let Way::From(number) | Way::ProcessFrom(number) = way {
             self.other_guess(number, y);
             self.problem.evaluate(system, y);
-            if self.problem.free.iter().any(|&row| !self.problem.rows[row].is_finite()) {
+            if self.problem.row_places.iter().any(|&row| !self.problem.rows[row].is_finite()) {
                 return Ok(Try::Failed(0));
             }
         }
@@ -187,7 +182,7 @@ impl Search {
 
     fn check_finite(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Result<(), SteadyError> {
         self.problem.evaluate(system, y);
-        match self.problem.free.iter().find(|&&row| !self.problem.rows[row].is_finite()) {
+        match self.problem.row_places.iter().find(|&&row| !self.problem.rows[row].is_finite()) {
             Some(&row) => Err(SteadyError::NotFinite { equation: equation_name(system.model(), catalogue, row) }),
             None => Ok(()),
         }
@@ -206,7 +201,7 @@ impl Search {
         let (size, row) = self.worst(system, y);
         let outside = !self.is_inside(y);
         if size.is_finite() && (outside, size) < (best.outside, best.size) {
-            let aside = bounds::reached(&self.bounds, catalogue, &self.problem.free, y);
+            let aside = bounds::reached(&self.bounds, &self.problem, catalogue, y);
             *best = Nearest { outside, size, row, residual: self.problem.rows[row], aside };
         }
     }
@@ -214,7 +209,7 @@ impl Search {
     /// The largest residual at `y`, relative to the scale of its unknown, and its row.
     fn worst(&mut self, system: &mut CompiledSystem, y: &[f64]) -> (f64, usize) {
         self.problem.evaluate(system, y);
-        let sizes = self.problem.free.iter().map(|&row| (self.problem.rows[row].abs() / self.problem.scales[row], row));
+        let sizes = self.problem.row_places.iter().map(|&row| (self.problem.rows[row].abs() / self.problem.row_scale(row), row));
         sizes.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0))
     }
 

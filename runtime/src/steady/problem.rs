@@ -2,10 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 use smpl_compiler::compiled::{Derived, WithRespectTo};
+use smpl_compiler::layout::Region;
 
 use super::error::SteadyError;
 use super::frames::{self, Frames};
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Element};
 use crate::solver::linear::Factorisation;
 use crate::solver::{LinearSolver, Pattern, SolveError, System};
 use crate::system::CompiledSystem;
@@ -15,13 +16,28 @@ const SUSPICIOUS: f64 = 1e10;
 /// Correction, relative to the scales, of a point at rest: what a search leaves is far below it.
 const AT_REST: f64 = 1e-7;
 
-/// The problem without its fixed states, and working memory.
+/// What is held in a problem, and what is found with the unknowns.
+#[derive(Clone, Copy)]
+pub(super) struct Given<'a> {
+    /// Whether each place of `y` is held.
+    pub fixed: &'a [bool],
+    /// Numbers of the conditions that hold.
+    pub conditions: &'a [usize],
+    /// Actions that are unknowns too, by their place in the region: as many as held places and conditions. All equations hold then.
+    pub actions: &'a [usize],
+}
+
+/// The problem without its fixed states, and working memory. Points are those of `y`, with free actions behind.
 pub(super) struct Problem {
-    /// Places in `y` of the free unknowns.
+    /// Places of the free unknowns, in `y` and behind.
     pub free: Vec<usize>,
+    /// Places of the rows, as many; the conditions of a problem with free actions are behind those of the equations.
+    pub row_places: Vec<usize>,
+    /// Places of free actions in their region.
+    actions: Vec<usize>,
     /// Conditions, by number, and the row that each takes the place of.
     conditions: Vec<(usize, usize)>,
-    /// Place of each number of the conditions' derivatives among the numbers behind the Jacobian's.
+    /// Place of each number of the conditions' derivatives, and of the derivatives by free actions, among the numbers behind the Jacobian's.
     gradient: Vec<Option<usize>>,
     /// What the equations read of other instants, which are the point itself.
     frames: Option<Frames>,
@@ -42,51 +58,65 @@ pub(super) struct Problem {
 }
 
 impl Problem {
-    /// `conditions` are the numbers of those that hold.
+    /// The problem near the point `y`.
     ///
     /// # Errors
     /// A condition that determines no state.
-    pub(super) fn new(
-        system: &mut CompiledSystem,
-        catalogue: &Catalogue,
-        fixed: &[bool],
-        conditions: &[usize],
-        y: &[f64],
-    ) -> Result<Self, SteadyError> {
+    pub(super) fn new(system: &mut CompiledSystem, catalogue: &Catalogue, given: Given<'_>, y: &[f64]) -> Result<Self, SteadyError> {
+        let Given { fixed, conditions: numbers, actions } = given;
         let n = fixed.len();
-        let scales = scales(catalogue, n);
-        let triplets = if conditions.is_empty() { Vec::new() } else { gradient(system, y)? };
-        let conditions = replaced(&triplets, conditions, fixed, system.model().states(), &scales)?;
+        let mut scales = scales(catalogue, n);
+        scales.extend(actions.iter().map(|&at| catalogue.actions.elements().iter().find(|e| e.at == at).map_or(1.0, Element::range)));
+        let triplets = slopes(system, (numbers, actions), y)?;
+        let conditions = match actions {
+            [] => replaced(&triplets, numbers, fixed, system.model().states(), &scales)?,
+            _ => numbers.iter().enumerate().map(|(i, &condition)| (condition, n + i)).collect(),
+        };
         let pattern = system.pattern();
-        let free: Vec<usize> = (0..n).filter(|&i| !fixed[i]).collect();
-        let mut number = vec![usize::MAX; n];
-        for (position, &at) in free.iter().enumerate() {
-            number[at] = position;
+        let free: Vec<usize> = (0..n).filter(|&i| !fixed[i]).chain(n..n + actions.len()).collect();
+        let row_places = match actions {
+            [] => free.clone(),
+            _ => (0..n + conditions.len()).collect(),
+        };
+        if free.len() != row_places.len() {
+            let (held, count) = (fixed.iter().filter(|fixed| **fixed).count() + numbers.len(), actions.len());
+            let message = format!("`free` needs as many actions as given values and conditions: {count} are free, {held} are given");
+            return Err(SteadyError::Condition { message });
         }
-        let is_replaced = |row: usize| conditions.iter().any(|&(_, replaced)| replaced == row);
+        let mut number = vec![None; n + conditions.len()];
+        row_places.iter().enumerate().for_each(|(position, &at)| number[at] = Some(position));
+        conditions.iter().filter(|&&(_, row)| row < n).for_each(|&(_, row)| number[row] = None);
         let frames = Frames::new(system)?;
         let by_frames = frames.iter().flat_map(|frames| frames.places.iter().enumerate());
         let by_frames: Vec<(usize, usize, usize)> =
-            by_frames.map(|(value, &(row, column))| (row, column, value)).filter(|&(row, ..)| !fixed[row] && !is_replaced(row)).collect();
+            by_frames.filter_map(|(value, &(row, column))| Some((number[row]?, column, value))).collect();
+        // The row of each slope: that of its condition, or an equation.
+        let row_of = |slope: &Slope| match slope.of {
+            Of::Condition(k) => conditions.iter().find(|c| c.0 == k).and_then(|&(_, row)| row_places.iter().position(|&at| at == row)),
+            Of::Row(row) => number[row],
+        };
         let (mut starts, mut rows, mut kept, mut added) = (vec![0], Vec::new(), Vec::new(), Vec::new());
         let mut gradient = vec![None; triplets.len()];
         let mut behind = pattern.entries();
         for &column in &free {
-            let own =
-                pattern.column(column).map(|entry| (pattern.rows()[entry], entry)).filter(|&(row, _)| !fixed[row] && !is_replaced(row));
-            let mut entries: Vec<(usize, Option<usize>)> = own.map(|(row, entry)| (number[row], Some(entry))).collect();
-            for &(condition, replaced) in &conditions {
-                let parts = (0..triplets.len()).filter(|&k| triplets[k].0 == condition && triplets[k].1 == column);
-                let mut place = None;
-                for k in parts {
-                    gradient[k] = Some(*place.get_or_insert(behind));
-                }
-                if let Some(place) = place {
-                    entries.push((number[replaced], Some(place)));
-                    behind += 1;
-                }
+            let mut entries: Vec<(usize, Option<usize>)> = match column < n {
+                true => pattern.column(column).filter_map(|entry| Some((number[pattern.rows()[entry]]?, Some(entry)))).collect(),
+                false => Vec::new(),
+            };
+            let own: Vec<(usize, usize)> =
+                (0..triplets.len()).filter(|&k| triplets[k].column == column).filter_map(|k| Some((k, row_of(&triplets[k])?))).collect();
+            for (k, row) in own {
+                let place = match entries.iter().find(|e| e.0 == row) {
+                    Some((_, Some(place))) => *place,
+                    _ => {
+                        entries.push((row, Some(behind)));
+                        behind += 1;
+                        behind - 1
+                    }
+                };
+                gradient[k] = Some(place);
             }
-            let moved = || by_frames.iter().filter(|&&(_, at, _)| at == column).map(|&(row, _, value)| (number[row], value));
+            let moved = || by_frames.iter().filter(|&&(_, at, _)| at == column).map(|&(row, _, value)| (row, value));
             for (row, _) in moved() {
                 if entries.iter().all(|e| e.0 != row) {
                     entries.push((row, None));
@@ -104,7 +134,10 @@ impl Problem {
             reduced: vec![0.0; kept.len()],
             factorisation: Factorisation::new(&pattern, LinearSolver::Auto).ok(),
             pattern,
+            rows: vec![0.0; n + conditions.len()],
             free,
+            row_places,
+            actions: actions.to_vec(),
             conditions,
             gradient,
             frames,
@@ -112,9 +145,42 @@ impl Problem {
             kept,
             scales,
             zero: vec![0.0; n],
-            rows: vec![0.0; n],
             entries: vec![0.0; behind],
         })
+    }
+
+    /// Number of unknowns of the model.
+    fn unknowns(&self) -> usize {
+        self.zero.len()
+    }
+
+    /// Returns whether actions are among the unknowns.
+    pub(super) fn has_actions(&self) -> bool {
+        !self.actions.is_empty()
+    }
+
+    /// The state, variable or free action at a place.
+    pub(super) fn element<'c>(&self, catalogue: &'c Catalogue, at: usize) -> Option<&'c Element> {
+        match at.checked_sub(self.unknowns()) {
+            None => catalogue.states.elements().iter().chain(catalogue.solved.elements()).find(|e| e.at == at),
+            Some(action) => catalogue.actions.elements().iter().find(|e| e.at == self.actions[action]),
+        }
+    }
+
+    /// Size by which a row is judged: the scale of the unknown of the same place.
+    pub(super) fn row_scale(&self, row: usize) -> f64 {
+        if row < self.unknowns() { self.scales[row] } else { 1.0 }
+    }
+
+    /// Puts free actions into the instance.
+    fn apply(&self, system: &mut CompiledSystem, y: &[f64]) {
+        if self.actions.is_empty() {
+            return;
+        }
+        let region = system.region_mut(Region::Action);
+        self.actions.iter().zip(&y[self.unknowns()..]).for_each(|(&at, &value)| region[at] = value);
+        let (model, memory) = system.parts();
+        model.prepare_step(memory);
     }
 
     /// Rows that conditions take the place of.
@@ -155,16 +221,19 @@ impl Problem {
         for (row, column, value) in self.places() {
             jacobian[(row, column)] = value;
         }
-        let rates = DVector::from_iterator(n, self.free.iter().map(|&at| self.rows[at]));
+        let rates = DVector::from_iterator(n, self.row_places.iter().map(|&at| self.rows[at]));
         (jacobian.iter().chain(rates.iter()).all(|x| x.is_finite())).then_some((jacobian, rates))
     }
 
     /// Rows at rest.
     pub(super) fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64]) {
+        self.apply(system, y);
+        let n = self.unknowns();
+        let y = &y[..n];
         if self.frames.is_some() {
             frames::rest_at(system, y);
         }
-        system.residual(0.0, y, &self.zero, &mut self.rows);
+        system.residual(0.0, y, &self.zero, &mut self.rows[..n]);
         if !self.conditions.is_empty() {
             let missed = missed_conditions(system, y);
             self.conditions.iter().for_each(|&(condition, row)| self.rows[row] = missed[condition]);
@@ -173,18 +242,21 @@ impl Problem {
 
     /// The reduced Jacobian with the weight `cj` of the derivatives.
     fn take_jacobian(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) {
+        self.apply(system, y);
+        let y = &y[..self.unknowns()];
         if let Some(frames) = &mut self.frames {
             frames::rest_at(system, y);
             frames.evaluate(system, y, &self.zero);
         }
         let (jacobian, behind) = self.entries.split_at_mut(system.pattern().entries());
         system.jacobian(0.0, y, &self.zero, cj, jacobian);
-        if !self.conditions.is_empty() {
+        if !self.gradient.is_empty() {
             behind.fill(0.0);
             let first = jacobian.len();
             // Differentiable when the search began, so now.
-            for (place, (_, _, value)) in self.gradient.iter().zip(gradient(system, y).unwrap_or_default()) {
-                place.iter().for_each(|at| behind[at - first] += value);
+            let numbers: Vec<usize> = self.conditions.iter().map(|c| c.0).collect();
+            for (place, slope) in self.gradient.iter().zip(slopes(system, (&numbers, &self.actions), y).unwrap_or_default()) {
+                place.iter().for_each(|at| behind[at - first] += slope.value);
             }
         }
         for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
@@ -207,7 +279,7 @@ impl Problem {
 
     /// Writes the correction that the last factorisation gives for the present rows.
     pub(super) fn correction(&mut self, out: &mut [f64]) {
-        for (value, &at) in out.iter_mut().zip(&self.free) {
+        for (value, &at) in out.iter_mut().zip(&self.row_places) {
             *value = -self.rows[at];
         }
         self.solve(out);
@@ -276,9 +348,48 @@ pub(super) fn gradient(system: &mut CompiledSystem, y: &[f64]) -> Result<Vec<(us
     found.map_err(|e| SteadyError::Condition { message: e.to_string() })
 }
 
+/// A derivative of a condition by an unknown, or of a condition or an equation by a free action.
+struct Slope {
+    of: Of,
+    /// Place of the unknown, of `y` and behind.
+    column: usize,
+    value: f64,
+}
+
+/// What a derivative is of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Of {
+    Condition(usize),
+    Row(usize),
+}
+
+/// Derivatives of conditions by unknowns, and of conditions and equations by free actions, always in the same order.
+fn slopes(system: &mut CompiledSystem, (conditions, actions): (&[usize], &[usize]), y: &[f64]) -> Result<Vec<Slope>, SteadyError> {
+    let n = system.model().unknowns();
+    let y = &y[..n];
+    let mut out = Vec::new();
+    if !conditions.is_empty() {
+        let of_conditions = gradient(system, y)?.into_iter();
+        out.extend(of_conditions.map(|(k, column, value)| Slope { of: Of::Condition(k), column, value }));
+    }
+    if actions.is_empty() {
+        return Ok(out);
+    }
+    let zero = vec![0.0; n];
+    let (model, memory) = system.parts();
+    for of in [Derived::Rows, Derived::SteadyConditions] {
+        let found = model.derivative(of, WithRespectTo::Actions, memory, 0.0, (y, &zero));
+        for (row, at, value) in found.map_err(|e| SteadyError::Condition { message: e.to_string() })? {
+            let of = if of == Derived::Rows { Of::Row(row) } else { Of::Condition(row) };
+            out.extend(actions.iter().position(|&free| free == at).map(|i| Slope { of, column: n + i, value }));
+        }
+    }
+    Ok(out)
+}
+
 /// For each condition a row that it takes the place of: that of the state that it depends on most.
 fn replaced(
-    triplets: &[(usize, usize, f64)],
+    slopes: &[Slope],
     conditions: &[usize],
     fixed: &[bool],
     states: usize,
@@ -286,10 +397,11 @@ fn replaced(
 ) -> Result<Vec<(usize, usize)>, SteadyError> {
     let mut out: Vec<(usize, usize)> = Vec::new();
     for &condition in conditions {
-        let own = triplets.iter().filter(|t| t.0 == condition && t.1 < states && !fixed[t.1] && !out.iter().any(|o| o.1 == t.1));
-        let size = |t: &(usize, usize, f64)| (t.2 * scales[t.1]).abs();
+        let own = slopes.iter().filter(|t| t.of == Of::Condition(condition) && t.column < states && !fixed[t.column]);
+        let own = own.filter(|t| !out.iter().any(|o| o.1 == t.column));
+        let size = |t: &Slope| (t.value * scales[t.column]).abs();
         match own.max_by(|a, b| size(a).total_cmp(&size(b))) {
-            Some(largest) => out.push((condition, largest.1)),
+            Some(largest) => out.push((condition, largest.column)),
             None => {
                 let message = format!("no state is left that condition {} of the `steady` block could determine", condition + 1);
                 return Err(SteadyError::Condition { message });

@@ -121,7 +121,7 @@ fn steady(m: &mut Maker, alternatives: Alternatives, h: VarId) {
     m.model.programs.steady.nests.push(out(&all, 0));
     let _ = h;
     let fixed = if alternatives.legacy { vec![0, 1, 2] } else { vec![2] };
-    m.model.interface.steady = Some(Steady { fixed, conditions: 0, given: alternatives.legacy });
+    m.model.interface.steady = Some(Steady { fixed, given: alternatives.legacy, ..Steady::default() });
 }
 
 /// `x ~ steady(x) * uniform(1 - spread, 1 + spread) clip bounds`

@@ -70,7 +70,7 @@ fn lint_steady(l: &mut Lowering<'_, '_>) {
     let mut named: FastSet<VarId> = FastSet::default();
     let mut at: Option<Span> = None;
     for (scope, item) in each(&l.instances.blocks) {
-        let Item::Other(Statement { kind: StatementKind::Steady { entries }, span }) = item else { continue };
+        let Item::Other(Statement { kind: StatementKind::Steady { entries, .. }, span }) = item else { continue };
         at.get_or_insert(*span);
         let place = Place::new(scope, Site::Instant);
         for (target, _) in entries {

@@ -47,7 +47,7 @@ pub(in crate::elaborate) struct SteadyProgram {
 
 /// What `steady` blocks say.
 pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyProgram {
-    let SteadyText { said, given, conditions } = steady_text(l, blocks);
+    let SteadyText { said, given, conditions, free } = steady_text(l, blocks);
     let mut values = steady_actions(l, &given);
     let mut base = 0_u32;
     let mut fixed = Vec::new();
@@ -64,7 +64,8 @@ pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks:
     values.extend(conditions);
     let stores = values.into_iter().enumerate().map(|(i, value)| store(Memory::Out, Affine::constant(i as i64), value)).collect();
     let program = Program { nests: vec![Nest { loops: Vec::new(), stores }], in_place: false };
-    let problem = Steady { given: base > 0 && fixed.len() == base as usize, fixed, conditions: count };
+    let problem = Steady { given: base > 0 && fixed.len() == base as usize && free.is_empty(), fixed, conditions: count, free };
+    check_free(l, &problem, blocks);
     SteadyProgram { program, problem, said }
 }
 
@@ -77,6 +78,8 @@ struct SteadyText {
     given: FastMap<(VarId, i64), ExprId>,
     /// What must be zero.
     conditions: Vec<ExprId>,
+    /// Actions that are found, by position.
+    free: Vec<u32>,
 }
 
 /// An entry of a `steady` block.
@@ -95,7 +98,7 @@ fn steady_entries<'a>(l: &Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)])
     let mut known: Vec<(ScopeId, Option<Span>)> = Vec::new();
     let mut out = Vec::new();
     for (scope, item) in each(blocks) {
-        let Item::Other(Statement { kind: StatementKind::Steady { entries }, span }) = item else { continue };
+        let Item::Other(Statement { kind: StatementKind::Steady { entries, .. }, span }) = item else { continue };
         let here = (scope, block_around(l.input.files, *span));
         let own = known.iter().rposition(|(s, _)| *s != scope).map_or(0, |before| before + 1);
         let block = own + known[own..].iter().position(|one| *one == here).unwrap_or(known.len() - own);
@@ -113,11 +116,11 @@ fn steady_entries<'a>(l: &Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)])
 
 fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyText {
     let said = each(blocks).any(|(_, item)| matches!(item, Item::Other(Statement { kind: StatementKind::Steady { .. }, .. })));
-    let mut out = SteadyText { said, ..SteadyText::default() };
+    let mut out = SteadyText { said, free: free_actions(l, blocks), ..SteadyText::default() };
     let mut set = Given::default();
     for SteadyEntry { scope, block, breadth, target, value } in steady_entries(l, blocks) {
         let place = Place::new(scope, Site::Instant);
-        if !is_place(target) {
+        if !is_place(target) || names_variable(l, target, scope) {
             out.conditions.push(steady_condition(l, target, value, &place));
             continue;
         }
@@ -137,6 +140,59 @@ fn steady_text<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]
         }
     }
     out
+}
+
+/// Actions after `free`, by position.
+fn free_actions<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<u32> {
+    let mut out = Vec::new();
+    for (scope, item) in each(blocks) {
+        let Item::Other(Statement { kind: StatementKind::Steady { free, .. }, .. }) = item else { continue };
+        for target in free {
+            let place = Place::new(scope, Site::Instant);
+            let Some((symbol, at)) = boxes::target(l, target, &place, &[Role::Action]) else { continue };
+            let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
+            let before = l.variables_of(Role::Action).into_iter().take_while(|other| *other != var);
+            let first: u32 = before.map(|other| l.symbols.vars[other].len).sum();
+            match at {
+                Some(at) => out.push(first + at.offset.max(0) as u32),
+                None => out.extend(first..first + l.symbols.vars[var].len),
+            }
+        }
+    }
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+/// Refuses free actions that are not as many as states and conditions given.
+fn check_free<'a>(l: &mut Lowering<'_, 'a>, problem: &Steady, blocks: &[(ScopeId, Vec<Item<'a>>)]) {
+    let (free, given) = (problem.free.len(), problem.fixed.len() + problem.conditions as usize);
+    if free == 0 || free == given || l.ledger.reports.has_errors() {
+        return;
+    }
+    let named = each(blocks).find_map(|(_, item)| match item {
+        Item::Other(Statement { kind: StatementKind::Steady { free, .. }, .. }) => free.first().map(|target| target.span),
+        _ => None,
+    });
+    let text = format!("{free} actions are free, {given} states and conditions are given");
+    let help = "give as many values of states and variables as actions are free";
+    l.ledger.report(Diagnostic::error(codes::WRONG_KIND, text, named.unwrap_or_default()).help(help));
+}
+
+/// Returns whether an entry names an algebraic variable or a `let`, which a condition determines.
+fn names_variable(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> bool {
+    let name = match &target.kind {
+        ExprKind::Name(name) => name,
+        ExprKind::Index(base, _) => match &base.kind {
+            ExprKind::Name(name) => name,
+            _ => return false,
+        },
+        _ => return false,
+    };
+    match l.symbols.lookup(scope, &name.text).map(|symbol| &l.symbols[symbol].kind) {
+        Some(SymbolKind::Variable { var, .. }) => l.symbols.vars[*var].role == Role::Algebraic,
+        _ => false,
+    }
 }
 
 /// Refuses a steady value that is no number, or an action's outside of its bounds, as far as it is known.

@@ -63,7 +63,7 @@ impl Search {
             trial.copy_from_slice(y);
             apply(&self.problem.free, &mut trial, &step, 1.0);
             self.problem.evaluate(system, &trial);
-            let finite = self.problem.free.iter().all(|&row| self.problem.rows[row].is_finite());
+            let finite = self.problem.row_places.iter().all(|&row| self.problem.rows[row].is_finite());
             let left = confined && !self.is_inside(&trial);
             if !(change <= MAX_CHANGE && finite) || left {
                 length *= 0.25;

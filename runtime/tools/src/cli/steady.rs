@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::report::{self, Failed};
 use super::{ModelArguments, number, outputs};
+use smpl_compiler::layout::Region;
 use smpl_runtime::catalogue::{Catalogue, Element};
 use smpl_runtime::failure::{Short, describe_equation, unit_suffix};
 use smpl_runtime::files::write_whole;
@@ -21,7 +22,8 @@ use smpl_runtime::trajectory::{read_initial, seventeen_digits};
 Examples:
   smpl steady models/reactor.eq
   smpl steady plant.eq --guess X=2 --guess S=0.1
-  smpl steady models/reactor.eq --action T_c=28 --fix h=0.7 --out s.csv")]
+  smpl steady models/reactor.eq --action T_c=28 --fix h=0.7 --out s.csv
+  smpl steady models/reactor.eq --fix h=0.7 --free q_out")]
 pub(super) struct SteadyArguments {
     /// Model
     #[arg(value_name = "FILE.eq")]
@@ -34,6 +36,9 @@ pub(super) struct SteadyArguments {
     /// State that the equations leave free; repeatable
     #[arg(long = "fix", value_name = "STATE=VALUE", value_parser = number)]
     fixed: Vec<(String, f64)>,
+    /// Action that is found: as many as values given with `--fix`, which then hold in addition to the equations; repeatable
+    #[arg(long = "free", value_name = "ACTION")]
+    free: Vec<String>,
     /// First guess of a state or an algebraic variable; the others as they start; repeatable
     #[arg(long = "guess", value_name = "NAME=VALUE", value_parser = number)]
     guesses: Vec<(String, f64)>,
@@ -75,14 +80,21 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
             actions[at] = *value;
         }
     }
+    if !arguments.free.is_empty() {
+        held = Held { free: free_actions(arguments, catalogue)?, ..Held::default() };
+    }
     for (name, value) in &arguments.fixed {
-        let element = catalogue.states.get(name, "state")?;
+        let variable = catalogue.solved.find(name).filter(|_| !held.free.is_empty());
+        let element = variable.map_or_else(|| catalogue.states.get(name, "state"), Ok)?;
         report::warn_of_bounds("--fix", std::iter::once((element, *value)));
         held.fix(element.at, *value, &mut system, &y)?;
     }
     let report = steady::solve_held(&mut system, catalogue, &actions, &held, &[], &mut y)?;
     steady::rest_at(&mut system, &y);
-    let rows = values(&mut system, catalogue, &y);
+    let found = held.free.iter().map(|&position| &catalogue.actions.elements()[position]);
+    let found = found.map(|e| (e.name.clone(), e.unit.clone(), system.region(Region::Action)[e.at]));
+    let found: Vec<(String, String, f64)> = found.collect();
+    let rows: Vec<_> = values(&mut system, catalogue, &y).into_iter().chain(found).collect();
     if let Some(path) = &arguments.out {
         write_whole(path, |out| {
             let mut writer = csv::WriterBuilder::new().from_writer(out);
@@ -126,6 +138,15 @@ pub(super) fn run(arguments: &SteadyArguments) -> Result<(), Failed> {
     }
     text += &others(&steady::others(&system, catalogue, &actions, &held, &y), &y, catalogue);
     outputs::conclude(&text, &[out])
+}
+
+/// Positions of the actions after `--free`.
+fn free_actions(arguments: &SteadyArguments, catalogue: &Catalogue) -> Result<Vec<usize>, Failed> {
+    let position = |name: &String| {
+        catalogue.actions.get(name, "action")?;
+        Ok(catalogue.actions.position(name).unwrap_or_default())
+    };
+    arguments.free.iter().map(position).collect()
 }
 
 /// Puts what is given on the command line into the first guess.

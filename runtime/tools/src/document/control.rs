@@ -28,9 +28,11 @@ impl<'s> Writer<'s> {
             StatementKind::StartSteady { targets } => targets.iter().for_each(|target| {
                 self.start(format!("\\left.\\frac{{d}}{{dt}}{}\\right|_{{t=0}} = 0", latex::expression(target)), None);
             }),
-            StatementKind::Steady { entries } => {
+            StatementKind::Steady { entries, free } => {
                 let fixed: Vec<String> = entries.iter().map(|(left, right)| math(&assignment(left, right))).collect();
-                self.block(&format!("Steady state: {}.", fixed.join(", ")));
+                let found: Vec<String> = free.iter().map(|action| math(&latex::expression(action))).collect();
+                let found = if found.is_empty() { String::new() } else { format!("; found: {}", found.join(", ")) };
+                self.block(&format!("Steady state: {}{found}.", fixed.join(", ")));
             }
             StatementKind::Observe { items } => items.iter().for_each(|item| self.observation(item)),
             StatementKind::Level { name, text, body } => {
