@@ -192,19 +192,19 @@ def test_a_controller_of_ones_own_does_not_take_the_name_of_one_of_the_model(nam
         runs("control", "smoke", "Own", 1, config=config)
 
 
-def test_a_controller_whose_code_has_changed_is_another_run(tmp_path, monkeypatch):
+def test_a_controller_of_another_version_is_another_run(tmp_path, monkeypatch):
     pytest.importorskip("yaml")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     config = tmp_path / "own.yaml"
     own = f"model: {ROOT / 'models/reactor.eq'}, controllers: {{mine: 'own_law:Law'}}"
     config.write_text(f"processes: {{Own: {{{own}}}}}")
-    text = "class Law:\n    def action(self, env):\n        return [26.85, 0.1]\n"
+    text = "class Law:\n    version = 1\n    def action(self, env):\n        return [26.85, 0.1]\n"
     (tmp_path / "own_law.py").write_text(text)
     given = {"env": "Own", "algorithms": ["mine"], "config": config, "workers": 1}
     benchmark(tmp_path / "out", **given)
     benchmark(tmp_path / "out", **given, resume=True)
-    (tmp_path / "own_law.py").write_text(text.replace("26.85", "27.0"))
+    (tmp_path / "own_law.py").write_text(text.replace("26.85", "27.0").replace("= 1", "= 2"))
     monkeypatch.delitem(sys.modules, "own_law")
     with pytest.raises(ValueError, match=r"is another run .*identity"):
         benchmark(tmp_path / "out", **given, resume=True)

@@ -16,11 +16,11 @@ import pytest
 
 import smpl
 from smpl._runs import read_table
-from smpl.controllers import PID, Loops, Proportional
+from smpl.controllers import PID, Function, Loops, Noisy, Proportional, Recorded
 from smpl.datasets import DatasetError, collect, initial_grid, load
 from smpl.datasets.store import Manifest
 from smpl.evaluation import evaluate, run_episode
-from smpl.learning import Plan, RunError, Settings, Starts, Task, run
+from smpl.learning import Agent, Plan, RunError, Settings, Starts, Task, run
 
 arrow = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 FIELDS = ("observations", "states", "actions", "rewards", "terminations", "truncations", "costs", "times")
@@ -332,14 +332,14 @@ def test_another_data_set_in_the_folder_is_refused(tmp_path):
             DatasetError, match=f"another data set .*{next(iter(arguments)).replace('scenario', 'checksum')}"
         ):
             collect("reactor", "pid", 2, tmp_path, **{"max_steps": 5, **arguments})
-    with pytest.raises(DatasetError, match=r"_gains.*50"):
+    with pytest.raises(DatasetError, match=r"gain_concentration: 100.0 there, 50.0 here"):
         collect("reactor", Proportional(50.0), 2, tmp_path, max_steps=5)
     collect("reactor", "pid", 2, tmp_path / "thinned", max_steps=5, states=["T", "h"])
     with pytest.raises(DatasetError, match=r"states: \['T', 'h'\] there, \['c_A', 'T'\] here"):
         collect("reactor", "pid", 4, tmp_path / "thinned", max_steps=5, states=["c_A", "T"])
 
 
-class Held:
+class Held(Recorded):
     """An action that is held in a mapping."""
 
     def __init__(self, coolant):
@@ -349,21 +349,62 @@ class Held:
         return [self.actions[name] for name in env.action_names]
 
 
+class Unknown:
+    """A controller whose constructor arguments are not recorded."""
+
+    def __init__(self, coolant):
+        self.coolant = coolant
+
+    def reset(self, env):
+        pass
+
+    def action(self, env):
+        return [self.coolant, 0.1]
+
+
 def test_a_controller_that_holds_others_goes_on_and_a_changed_one_is_refused(tmp_path):
     def loops(gain):
         return Loops(PID("T", "T_c", gain=-gain), others={"q_out": 0.1})
 
     collect("reactor", loops(1.0), 2, tmp_path / "loops", max_steps=5)
     assert len(collect("reactor", loops(1.0), 3, tmp_path / "loops", max_steps=5)) == 3
-    with pytest.raises(DatasetError, match=r"settings: \._loops\[0\]\.gain: -1\.0 there, -2\.0 here"):
+    with pytest.raises(DatasetError, match=r"settings: loops\[0\]\.gain: -1\.0 there, -2\.0 here"):
         collect("reactor", loops(2.0), 4, tmp_path / "loops", max_steps=5)
-    used = Held(26.0)
-    collect("reactor", used, 2, tmp_path / "held", max_steps=5, workers=1)
-    assert len(collect("reactor", used, 3, tmp_path / "held", max_steps=5, workers=1)) == 3
-    used.actions["T_c"] = 27.0
-    with pytest.raises(DatasetError, match=r"settings: \.actions\['T_c'\]: 26\.0 there, 27\.0 here"):
-        collect("reactor", used, 4, tmp_path / "held", max_steps=5, workers=1)
+    given = {"max_steps": 5, "workers": 1}
+    collect("reactor", Held(26.0), 2, tmp_path / "held", **given)
+    assert len(collect("reactor", Held(coolant=26.0), 3, tmp_path / "held", **given)) == 3
+    with pytest.raises(DatasetError, match=r"settings: coolant: 26\.0 there, 27\.0 here"):
+        collect("reactor", Held(27.0), 4, tmp_path / "held", **given)
     assert len(load(tmp_path / "held")) == 3
+
+
+@pytest.mark.parametrize(
+    ("controller", "says"),
+    [
+        (lambda observation: [0.1, 0.2], r"the controller is the anonymous function <lambda>: define it at the top"),
+        (Function(lambda state: [26.0, 0.1]), r"function is the anonymous function <lambda>"),
+        (
+            Noisy(Unknown(26.0), {"T_c": 0.1}),
+            r"arguments of controller \(test_collection.Unknown\) are unknown: derive",
+        ),
+        (
+            Unknown(26.0),
+            r"the constructor arguments of Unknown .* are unknown: derive the class from smpl.controllers.R",
+        ),
+    ],
+)
+def test_a_controller_that_cannot_be_compared_is_collected_once_and_not_continued(controller, says, tmp_path):
+    given = {"max_steps": 5, "workers": 1}
+    assert len(collect("reactor", controller, 2, tmp_path / "set", **given)) == 2
+    with pytest.raises(DatasetError, match=rf"set has episodes already, and whether .* is unknown: \w+: .*{says}"):
+        collect("reactor", controller, 3, tmp_path / "set", **given)
+    assert len(load(tmp_path / "set")) == 2
+    # The way out that the message names.
+    for version, count in (("1", 2), ("1", 3)):
+        agent = Agent("mine", controller, version=version)
+        assert len(collect("reactor", agent, count, tmp_path / "versioned", **given)) == count
+    with pytest.raises(DatasetError, match=r"settings: version: 1 there, 2 here"):
+        collect("reactor", Agent("mine", controller, version=2), 4, tmp_path / "versioned", **given)
 
 
 def test_another_policy_under_the_same_file_name_is_refused(tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ from smpl.controllers.baselines import baseline, baselines
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.functions import Function, Noisy
+from smpl.controllers.identity import Recorded
 from smpl.controllers.kalman import Consistency, ExtendedKalmanFilter, consistency
 from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator
@@ -36,6 +37,7 @@ __all__ = [
     "Policy",
     "Profile",
     "Proportional",
+    "Recorded",
     "SamplingMPC",
     "Uniform",
     "baseline",

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import inspect
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,10 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl._arguments import FloatArray, as_count, as_vector, check_names
-from smpl._identity import BEGUN, MADE_FROM, MadeFrom
 from smpl._native import SimulationError
+from smpl.controllers.identity import Recorded
 from smpl.envs import Env, native_seed
 from smpl.policies import Rows
+
+# Attribute of a controller that was reset.
+BEGUN = "_begun"
 
 
 @runtime_checkable
@@ -30,47 +31,23 @@ class Controller(Protocol):
         """The next action in physical units, shape (actions,)."""
 
 
-class TakesWrapped:
+class TakesWrapped(Recorded):
     """What is given an environment may be given the one that `gymnasium.make` returns, wrappers and all.
 
     Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
 
     `action` before `reset` is refused, unless a subclass with `needs_reset=False` has nothing that a reset prepares.
-
-    Of a subclass with `of_arguments=True` all that it chooses follows from the arguments that it was made with, and
-    data sets tell it by them; what it has built since, as a solver, does not matter.
     """
 
-    _of_arguments = False
     _needs_reset = True
 
-    def __init_subclass__(cls, of_arguments: bool = False, needs_reset: bool | None = None, **kwargs: Any) -> None:
+    def __init_subclass__(cls, needs_reset: bool | None = None, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if needs_reset is not None:
             cls._needs_reset = needs_reset
-        cls._of_arguments = cls._of_arguments or of_arguments
-        if cls._of_arguments and "__init__" in vars(cls):
-            setattr(cls, "__init__", _recorded(vars(cls)["__init__"]))  # noqa: B010 - mypy forbids the assignment
         wrappers = {"__init__": _beneath, "reset": _beginning, "action": _begun}
         for name in wrappers.keys() & vars(cls).keys():
             setattr(cls, name, wrappers[name](vars(cls)[name]))
-
-
-def _recorded(method: Callable[..., Any]) -> Callable[..., Any]:
-    """An `__init__` that keeps its arguments for their description."""
-    signature = inspect.signature(method)
-
-    @functools.wraps(method)
-    def recording(self: Any, *given: Any, **named: Any) -> Any:
-        if not hasattr(self, MADE_FROM):  # a subclass has its own arguments
-            with contextlib.suppress(TypeError):  # the call tells what is wrong with them
-                bound = signature.bind(self, *given, **named)
-                bound.apply_defaults()
-                kept = dict(list(bound.arguments.items())[1:])
-                setattr(self, MADE_FROM, MadeFrom(kept))
-        return method(self, *given, **named)
-
-    return recording
 
 
 def _beneath(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -205,7 +182,7 @@ class Nominal(TakesWrapped, needs_reset=False):
         return _of_model("nominal", rows)
 
 
-class Uniform(TakesWrapped, of_arguments=True):
+class Uniform(TakesWrapped):
     """Actions drawn uniformly from the action box, equal in equal episodes.
 
     Args:

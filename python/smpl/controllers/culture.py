@@ -19,7 +19,7 @@ ACTIONS = ("F_in", "F_1", "F_r", "F_2", "GLC_in", "GLN_in", "T_c")
 KINDS = ("mpc", "empc")
 
 
-class CultureMPC(TakesWrapped, of_arguments=True):
+class CultureMPC(TakesWrapped):
     """`mpc` and `empc` of the paper: predictive control of the 17 states of the culture by its seven actions.
 
     The tracking controller minimises the integral of the squared scaled deviations of states and actions from the

@@ -23,7 +23,7 @@ from smpl.envs import Env
 from smpl.model import Model
 
 
-class Deferred(TakesWrapped, of_arguments=True):
+class Deferred(TakesWrapped):
     """A controller that is built for the model of the environment at the first reset.
 
     Args:

@@ -95,7 +95,7 @@ def consistency(square: float, degrees: int, level: float = 0.95) -> Consistency
     return Consistency(as_number("square", square), count, float(low), float(high))
 
 
-class ExtendedKalmanFilter(TakesWrapped, of_arguments=True):
+class ExtendedKalmanFilter(TakesWrapped):
     """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
 
     The mean is predicted by the model's own step, the covariance by its exact derivative. A sample that arrives late is

@@ -55,7 +55,7 @@ class _Best:
             self.point, self.cost = point.copy(), cost
 
 
-class MovingHorizonEstimator(TakesWrapped, of_arguments=True):
+class MovingHorizonEstimator(TakesWrapped):
     """Least squares over a window of steps, within the bounds that the model declares.
 
     Minimises the squares of what was read less what the states of its steps would read, of what each step adds to the

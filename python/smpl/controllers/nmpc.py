@@ -35,7 +35,7 @@ _STARTS = 3
 _RIGHT = 0.05
 
 
-class NMPC(TakesWrapped, of_arguments=True):
+class NMPC(TakesWrapped):
     """Nonlinear model predictive control: the best actions over a horizon, of which the first one is applied.
 
     Args:

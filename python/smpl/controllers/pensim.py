@@ -104,7 +104,7 @@ class Recipe:
         return segments, values, names
 
 
-class RecipeSearch(TakesWrapped, of_arguments=True):
+class RecipeSearch(TakesWrapped):
     """`gpei` of the paper: the best recipe that a Gaussian process with expected improvement finds.
 
     The search runs at the first reset, or goes on from its file, and is then followed without feedback. Its last number

@@ -56,7 +56,7 @@ class Proportional(TakesWrapped, needs_reset=False):
         return np.clip(STEADY_ACTION + self._gains * error, interface.action_low, interface.action_high)
 
 
-class ReactorNMPC(TakesWrapped, of_arguments=True):
+class ReactorNMPC(TakesWrapped):
     """`mpc` of the paper: nonlinear predictive control of the reactor with full state feedback.
 
     The cost is the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a terminal term, in

@@ -24,7 +24,7 @@ Cost = Callable[[Rollout, FloatArray], Any]
 Guess = Callable[[Env, int], Any]
 
 
-class SamplingMPC(TakesWrapped, of_arguments=True):
+class SamplingMPC(TakesWrapped):
     """Sampling-based model predictive control of any model.
 
     Args:

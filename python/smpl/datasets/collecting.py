@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from smpl._arguments import as_count, check_names
-from smpl._identity import differences
 from smpl._native import __version__
+from smpl.controllers.identity import AnonymousError, differences
 from smpl.datasets.loading import Dataset, load
 from smpl.datasets.store import (
     MANIFEST,
@@ -31,7 +31,7 @@ from smpl.datasets.store import (
     write_part,
 )
 from smpl.envs import SEEDS, Env, SeedError
-from smpl.learning.agents import described
+from smpl.learning.agents import Agent, described
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Plan, Task
 from smpl.learning.progress import Progress
@@ -42,6 +42,8 @@ from smpl.loop import Settings
 # Bytes of a part before compression, and the most episodes that it may have.
 PART_BYTES = 64 * 2**20
 PART_EPISODES = 1024
+# Entry of a controller that has no identity.
+_ANONYMOUS = "anonymous"
 
 
 def collect(
@@ -194,6 +196,11 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
         manifest = Manifest(identity, names, _about(plan, env), size, plan.episodes)
     else:
         before = Manifest.read(folder)
+        nameless = [one[_ANONYMOUS] for one in identity["settings"] if _ANONYMOUS in one]
+        if nameless:
+            raise DatasetError(
+                f"{folder} has episodes already, and whether they are of this controller is unknown: {nameless[0]}"
+            )
         manifest = replace(before, episodes=max(before.episodes, plan.episodes))
         there = {**manifest.identity, "states": list(manifest.names["states"])}
         here = {**identity, "states": list(states)}
@@ -230,7 +237,7 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
         "arguments": {key: str(value) for key, value in sorted(plan.task.arguments.items())},
         "seed": plan.seed,
         "controllers": [one.name for one in plan.agents],
-        "settings": [described(one) for one in plan.agents],
+        "settings": [_controller(one) for one in plan.agents],
         "weights": list(plan.weights),
         "starts": plan.starts.identity,
         "noise": plan.noise,
@@ -238,6 +245,14 @@ def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
         "randomize": {name: list(ends) for name, ends in sorted(plan.randomize.items())},
         "states": len(states),
     }
+
+
+def _controller(one: Agent) -> dict[str, str]:
+    """Identity of a controller; one that cannot be compared is noted."""
+    try:
+        return described(one)
+    except AnonymousError as error:
+        return {_ANONYMOUS: f"{one.name}: {error}"}
 
 
 def _names(plan: Plan, env: Env, states: tuple[str, ...]) -> dict[str, list[str]]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import smpl.controllers as controllers
 from smpl._arguments import FloatArray
-from smpl._identity import Description, describe
+from smpl.controllers.identity import AnonymousError, Description, identity, name_of
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.policies import FILES, Rows, as_policy, load_policy
@@ -26,13 +26,15 @@ class Agent:
         name: what reports and data sets call it.
         chooser: a controller, a policy or a function, see `smpl.policies.as_policy`.
         physical: whether a function or policy gives physical units.
+        version: changes when the controller does. With a version, a collection is continued with a controller of this
+            class or qualified name whose constructor arguments are unknown, see `smpl.controllers.Recorded`.
 
     Raises:
         TypeError: `chooser` is none of these.
     """
 
-    def __init__(self, name: str, chooser: Any, physical: bool = False) -> None:
-        self.name, self.chooser, self.physical = name, chooser, physical
+    def __init__(self, name: str, chooser: Any, physical: bool = False, version: str | int | None = None) -> None:
+        self.name, self.chooser, self.physical, self.version = name, chooser, physical, version
         # Text and model that it was made from: in another process it is made anew, whatever it has built meanwhile.
         self.origin: tuple[str, Model] | None = None
         self.policy = as_policy(chooser)
@@ -45,7 +47,7 @@ class Agent:
             files = _files(self.origin[0])
             made = (_unpacked, (*self.origin, self.name, files)) if files else (agent, (*self.origin, self.name))
             return (*made, state)
-        return Agent, (self.name, self.chooser, self.physical), state
+        return Agent, (self.name, self.chooser, self.physical, self.version), state
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         # A policy that was found to draw its actions acts alone in other processes too.
@@ -110,8 +112,8 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 
 def _files(spec: str) -> dict[str, bytes]:
     """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
-    file = Path(spec.rpartition(":")[2])
-    if file.suffix not in FILES or not file.is_file():
+    file = _policy_file(spec)
+    if file is None:
         return {}
     from smpl.learning.saved import sidecars
 
@@ -128,13 +130,28 @@ def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) ->
 
 
 def described(one: Agent) -> Description:
-    """What a controller is, its settings and code included: results are not continued with other ones."""
-    if one.origin is not None:
-        file = Path(one.origin[0].rpartition(":")[2])
-        if file.suffix in FILES and file.is_file():
-            text = b"".join(_files(one.origin[0]).values())
-            return {"": f"{type(one.chooser).__qualname__} {hashlib.sha256(text).hexdigest()}"}
-    return {**describe(one.chooser), **({"physical": "True"} if one.physical else {})}
+    """Identity of a controller: results are not continued with another one.
+
+    Raises:
+        AnonymousError: it cannot be compared, see `smpl.controllers.identity`.
+    """
+    spec = "" if one.origin is None else one.origin[0]
+    if _policy_file(spec) is not None:
+        return {"": name_of(one.chooser), "file": hashlib.sha256(b"".join(_files(spec).values())).hexdigest()}
+    physical = {"physical": "True"} if one.physical else {}
+    version = {} if one.version is None else {"version": str(one.version)}
+    try:
+        return {**identity(one.chooser), **physical, **version}
+    except AnonymousError:
+        if spec or version:  # `MODULE:NAME` says what it is
+            return {"": spec or name_of(one.chooser), **physical, **version}
+        raise
+
+
+def _policy_file(spec: str) -> Path | None:
+    """The path of a policy file; None for another text."""
+    file = Path(spec.rpartition(":")[2])
+    return file if file.suffix in FILES and file.is_file() else None
 
 
 def _title(spec: str) -> str:

@@ -27,7 +27,7 @@ from smpl._arguments import (
     check_names,
     elements,
 )
-from smpl.controllers import Uniform
+from smpl.controllers import Recorded, Uniform
 from smpl.envs import Env, Interface, from_unit, native_seed
 from smpl.episodes import Episode
 from smpl.learning.agents import agent
@@ -239,7 +239,7 @@ class Form:
         return seen
 
 
-class _Acting:
+class _Acting(Recorded):
     """Acts on batches in a formulation, which is laid over each environment once."""
 
     def __init__(self, formulation: Formulation) -> None:
