@@ -26,6 +26,18 @@ GALLERY = {
     "ColumnA": "column_a",
     "PHNeutralisation": "ph_neutralisation",
     "Evaporator": "evaporator",
+    "FirstOrder": "first_order",
+    "SecondOrder": "second_order",
+    "CSTR": "cstr",
+    "Extraction": "extraction",
+    "ReactiveExtraction": "reactive_extraction",
+    "ReactorSeparator": "reactor_separator",
+    "RecycleCascade": "recycle_cascade",
+    "Distillation": "distillation",
+    "HeatExchanger": "heat_exchanger",
+    "Biofilm": "biofilm",
+    "Polymerisation": "polymerisation",
+    "PotassiumSulfate": "potassium_sulfate",
 }
 
 

@@ -12,12 +12,12 @@ import smpl
 from plants import rest
 from smpl._registry import GALLERY
 from smpl.controllers import Nominal, baseline
-from smpl.controllers.gallery import LOOPS
+from smpl.controllers.gallery import LOOPS, RECIPES
 from smpl.evaluation import run_episode
 
 ROOT = Path(__file__).resolve().parents[2]
 # Batches and plants without a nominal point; the start of Tennessee Eastman is rounded as printed.
-NOT_AT_REST = {"tennessee_eastman"}
+NOT_AT_REST = {"tennessee_eastman", *RECIPES}
 # Steps of an episode that are played where a whole one takes long.
 SHORT = {"bsm1": 200, "tennessee_eastman": 600}
 PLANTS = sorted(GALLERY.items())
@@ -58,10 +58,10 @@ def test_the_task_has_a_constraint_a_failure_and_a_disturbance(model):
     assert "online" in env.model.levels
 
 
-@pytest.mark.parametrize("model", LOOPS)
-def test_the_loops_do_better_than_nominal_actions(model):
+@pytest.mark.parametrize(("model", "name"), [*((m, "pid") for m in LOOPS), *((m, "recipe") for m in RECIPES)])
+def test_the_baseline_does_better_than_nominal_actions(model, name):
     played = []
-    for controller in (Nominal(), baseline(model, "pid")):
+    for controller in (Nominal(), baseline(model, name)):
         env = smpl.Env(model, normalize=False, max_steps=SHORT.get(model))
         played.append([run_episode(env, controller, seed) for seed in range(3)])
     alone, regulated = played

@@ -12,7 +12,7 @@ from smpl.controllers.base import Constant, Policy
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.culture import CultureMPC
 from smpl.controllers.full_information import full_information
-from smpl.controllers.gallery import LOOPS
+from smpl.controllers.gallery import LOOPS, RECIPES
 from smpl.controllers.pensim import RecipeSearch
 from smpl.controllers.reactor import Proportional, ReactorNMPC
 
@@ -40,6 +40,7 @@ _BASELINES: dict[str, dict[str, Callable[..., Any]]] = {
 for _name, _known in _BASELINES.items():
     _known["full_information"] = partial(full_information, _name)
 _BASELINES |= {name: {"pid": loops} for name, loops in LOOPS.items()}
+_BASELINES |= {name: {"recipe": _policy("recipe")} for name in RECIPES}
 
 
 def baseline(env_name: str, name: str, **options: Any) -> Any:
@@ -49,7 +50,7 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
         env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
         name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
             (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `full_information` for each, which
-            knows the state and the parameters of the episode. Plants of the gallery have `pid`.
+            knows the state and the parameters of the episode. Plants of the gallery have `pid`, batches `recipe`.
         options: further arguments of the controller, such as `temperature` of `isothermal`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Decentralised loops, the baseline `pid` of the plants of the gallery.
+"""Baselines of the gallery: decentralised loops, `pid`, and the recipes of batches, `recipe`.
 
 Gains are in the units of the action over those of the measurement, times in the model's unit of time. Set-points that
 move are observed as errors, of which the set-point is 0.
@@ -58,6 +58,55 @@ def _evaporator() -> Loops:
     )
 
 
+def _first_order() -> Loops:
+    return Loops(PID("e", "u", -2, 0.5, set_point=0))
+
+
+def _second_order() -> Loops:
+    return Loops(PID("e", "u", -20, 1.5, 0.3, set_point=0))
+
+
+def _cstr() -> Loops:
+    return Loops(PID("e", "T_c", 40, 0.8, set_point=0))
+
+
+def _extraction() -> Loops:
+    return Loops(PID("e", "L", -200, 0.3, set_point=0))
+
+
+def _reactive_extraction() -> Loops:
+    return Loops(PID("X[5]", "L", 0.03, 60))
+
+
+def _reactor_separator() -> Loops:
+    return Loops(
+        PID("H_R", "F_R", -2, 100, set_point=1.5),
+        PID("H_M", "F_M", -2, 100, set_point=1.5),
+        PID("H_B", "P", -1, 100, set_point=1.5),
+        PID("x_B[B]", "D", 2, 30),
+    )
+
+
+def _recycle_cascade() -> Loops:
+    return Loops(PID("C_2", "T_c2", -1, 60))
+
+
+def _distillation() -> Loops:
+    return Loops(PID("x_D", "R", 60, 20))
+
+
+def _heat_exchanger() -> Loops:
+    return Loops(PID("T_t[8]", "F_s", -1, 10))
+
+
+def _biofilm() -> Loops:
+    return Loops(PID("S_1[4]", "F", 0.4, 10))
+
+
+def _polymerisation() -> Loops:
+    return Loops(PID("T", "T_f", 0.5, 60), PID("M", "F", 3, 60))
+
+
 LOOPS: dict[str, Callable[[], Loops]] = {
     "tennessee_eastman": _tennessee_eastman,
     "bsm1": _bsm1,
@@ -67,4 +116,18 @@ LOOPS: dict[str, Callable[[], Loops]] = {
     "column_a": _column_a,
     "ph_neutralisation": _ph_neutralisation,
     "evaporator": _evaporator,
+    "first_order": _first_order,
+    "second_order": _second_order,
+    "cstr": _cstr,
+    "extraction": _extraction,
+    "reactive_extraction": _reactive_extraction,
+    "reactor_separator": _reactor_separator,
+    "recycle_cascade": _recycle_cascade,
+    "distillation": _distillation,
+    "heat_exchanger": _heat_exchanger,
+    "biofilm": _biofilm,
+    "polymerisation": _polymerisation,
 }
+
+# Batches, which declare a policy `recipe`.
+RECIPES = ("potassium_sulfate",)
