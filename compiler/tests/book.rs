@@ -1,6 +1,6 @@
 //! The book's table of built-in functions is the compiler's.
 //!
-//! `BOOK_BLESS=1` writes it into the page.
+//! `BLESS=1` writes it into the page.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -27,9 +27,9 @@ fn the_book_lists_every_built_in_function() {
     let page = fs::read_to_string(&path).expect("the page");
     let (before, rest) = page.split_once(BEGIN).expect("the table's beginning");
     let (found, after) = rest.split_once(END).expect("the table's end");
-    if std::env::var_os("BOOK_BLESS").is_some() {
+    if std::env::var_os("BLESS").is_some() {
         fs::write(&path, format!("{before}{BEGIN}{}{END}{after}", table())).expect("a writable page");
         return;
     }
-    assert_eq!(found, table(), "run with BOOK_BLESS=1 to renew docs/language.md");
+    assert_eq!(found, table(), "run with BLESS=1 to renew docs/language.md");
 }

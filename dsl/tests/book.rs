@@ -1,6 +1,6 @@
 //! The book's table of diagnostics is the registry's, with the way to each example or the reason why there is none.
 //!
-//! `BOOK_BLESS=1` writes it into the page.
+//! `BLESS=1` writes it into the page.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -32,9 +32,9 @@ fn the_book_lists_every_diagnostic_code() {
     let table = table(&fs::read_to_string(docs.join("diagnostics-examples.md")).expect("the examples"));
     let (before, rest) = page.split_once(BEGIN).expect("the table's beginning");
     let (found, after) = rest.split_once(END).expect("the table's end");
-    if std::env::var_os("BOOK_BLESS").is_some() {
+    if std::env::var_os("BLESS").is_some() {
         fs::write(&path, format!("{before}{BEGIN}{table}{END}{after}")).expect("a writable page");
         return;
     }
-    assert_eq!(found, table, "run with BOOK_BLESS=1 to renew docs/diagnostics.md");
+    assert_eq!(found, table, "run with BLESS=1 to renew docs/diagnostics.md");
 }

@@ -1,4 +1,4 @@
-//! What passes make of small models, as `tests/passes/*.md` say; `UPDATE=1` writes the blocks anew, to be read before they are kept.
+//! What passes make of small models, as `tests/passes/*.md` say; `BLESS=1` writes the blocks anew, to be read before they are kept.
 //!
 //! An `eq` block is a model, each block after it what the pass of its name makes of that model.
 
@@ -65,7 +65,7 @@ fn passes_make_what_the_files_say() {
         let text = fs::read_to_string(&path).expect("a file of cases");
         let (renewed, blocks) = renewed(&text);
         assert!(blocks >= 4, "{name}.md has {blocks} blocks");
-        if std::env::var_os("UPDATE").is_some() {
+        if std::env::var_os("BLESS").is_some() {
             fs::write(&path, renewed).expect("the file can be written");
             continue;
         }

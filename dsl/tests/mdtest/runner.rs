@@ -4,7 +4,7 @@
 //! `code line:column message`. Where the block has lines `help: ...` or `note: ...`, the advice or the notes of every fault are compared too. Without a `diagnostics` block the
 //! model must be free of faults. Text between is for the reader.
 //!
-//! `MDTEST_BLESS=1` writes what was found into the files; read the difference before you keep it.
+//! `BLESS=1` writes what was found into the files; read the difference before you keep it.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -32,7 +32,7 @@ pub fn run(folder: &Path, check: impl Fn(&str) -> Vec<Diagnostic>) {
         let text = fs::read_to_string(&path).expect("a readable file");
         let cases = cases(&text);
         count += cases.len();
-        if std::env::var_os("MDTEST_BLESS").is_some() {
+        if std::env::var_os("BLESS").is_some() {
             fs::write(&path, blessed(&text, &cases, &check)).expect("a writable file");
         }
         for case in &cases {

@@ -1,6 +1,6 @@
 //! The book's examples of diagnostics: for every code one that gives it and one that is right, or why there is none.
 //!
-//! `BOOK_BLESS=1` writes the page anew, with what its examples give.
+//! `BLESS=1` writes the page anew, with what its examples give.
 
 mod shell;
 
@@ -129,9 +129,9 @@ fn every_code_has_a_wrong_and_a_right_example_or_a_reason() {
     assert_eq!(ids, wanted, "a section for each code, in their order");
     let written: Vec<String> = sections.iter().zip(codes::ALL).map(|(section, code)| Example::read(section).written(*code)).collect();
     let written = format!("{intro}\n{}", written.join("\n"));
-    if std::env::var_os("BOOK_BLESS").is_some() {
+    if std::env::var_os("BLESS").is_some() {
         fs::write(&path, written).expect("a writable page");
         return;
     }
-    assert_eq!(page, written, "run with BOOK_BLESS=1 to renew docs/diagnostics-examples.md");
+    assert_eq!(page, written, "run with BLESS=1 to renew docs/diagnostics-examples.md");
 }
