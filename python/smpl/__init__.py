@@ -11,15 +11,15 @@ import importlib
 from types import ModuleType
 from typing import Any
 
-from smpl._files import announce_library
-from smpl._foreign import check as _check_foreign
-from smpl._live import Live, live
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
-from smpl._registry import register_envs
+from smpl.analysis.fitting import Fit, fit
 from smpl.envs import Env
-from smpl.identification import Fit, fit
 from smpl.model import CompileWarning, Model, compile
+from smpl.notebooks.live import Live, live
 from smpl.pictures import Picture, plot
+from smpl.registry import register_envs
+from smpl.support.files import announce_library
+from smpl.support.foreign import check as _check_foreign
 from smpl.vector import VectorEnv, make_vec
 
 __all__ = [
@@ -55,7 +55,7 @@ def __getattr__(name: str) -> ModuleType:
 
 def load_ipython_extension(shell: Any) -> None:
     """Add the cell magic `%%smpl NAME`: the model of the cell is checked, bound to the name, and shown."""
-    from smpl._notebook import load
+    from smpl.notebooks.magic import load
 
     load(shell)
 

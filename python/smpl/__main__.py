@@ -1,5 +1,5 @@
 """`python -m smpl` is the command `smpl`."""
 
-from smpl._cli import main
+from smpl.commands.main import main
 
 raise SystemExit(main())

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from smpl._arguments import as_count
 from smpl._native import __version__
 from smpl.collect import add_ray, guarded, once
 from smpl.learning import Plan, Task, tune
@@ -31,6 +30,7 @@ from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.learning.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
 from smpl.learning.tables import lines, remarks, table
+from smpl.support.arguments import as_count
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,21 +12,16 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from smpl import _native
-from smpl._arguments import COUNTS, FloatArray, as_count, as_flag, as_mapping, as_vector
-from smpl._names import Named
-from smpl._options import start_from_options
+from smpl.analysis.rollout import Rollout, rollout
 from smpl.model import Model, Setting, as_variants, compile
-
-if TYPE_CHECKING:
-    from smpl.rollout import Rollout
+from smpl.rendering import History
+from smpl.support.arguments import FloatArray, as_flag, as_mapping, as_vector, check_limit, check_method
+from smpl.support.names import Named
+from smpl.support.reset_options import start_from_options
+from smpl.support.scaling import from_unit, to_unit
+from smpl.support.seeds import check_seed, native_seed
 
 Observation = npt.NDArray[np.float32]
-SEEDS = 2**64
-METHODS = ("ida", "rosenbrock", "explicit", "auto")
-
-
-class SeedError(gymnasium.error.Error, ValueError):
-    """A seed that is no integer, or negative: Gymnasium's own error, and one of a value."""
 
 
 class Interface(Named):
@@ -132,8 +127,6 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         self._returned: Observation | None = None
         self._history: Any = None
         if render_mode is not None:
-            from smpl.rendering import History
-
             self._history = History(self)
 
     # Gymnasium's interface.
@@ -148,7 +141,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
         Args:
             seed: seed of the random numbers, an integer that is not negative.
-            options: see `smpl._options.start_from_options`; what is set is what is simulated.
+            options: see `smpl.support.reset_options.start_from_options`; what is set is what is simulated.
 
         Raises:
             ValueError: an unknown option or name, a wrong shape, or a seed that is none (also `gymnasium.error.Error`).
@@ -332,8 +325,6 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         Raises:
             ValueError: a wrong shape, or a NaN; there is no running episode.
         """
-        from smpl.rollout import rollout
-
         *_, limit, method = self._options
         return rollout(
             self.model,
@@ -397,65 +388,9 @@ def choose_model(
     return model.variant_of(**changes) if changes else model
 
 
-def check_seed(seed: Any) -> int | None:
-    """The seed if it is one, or none. NumPy's integers become Python's: Gymnasium takes no others.
-
-    Raises:
-        SeedError: it is no integer, or negative.
-    """
-    if seed is None:
-        return None
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)):
-        raise SeedError(f"seed is {seed!r}, expected an integer or None")
-    if seed < 0:
-        raise SeedError(f"seed is {seed}, expected an integer that is not negative")
-    return int(seed)
-
-
-def native_seed(seed: int) -> int:
-    """The 64 bits that stand for a seed: itself where it has no more, else a hash of it."""
-    return seed if seed < SEEDS else int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
-
-
 def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:
     """Space with these bounds; those that are finite become -1 and 1 if normalised."""
     if normalize:
         finite = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(finite, -1.0, low), np.where(finite, 1.0, high)
     return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-
-
-def to_unit(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Values as numbers in [-1, 1]: unchanged where the bounds are open, 0 where they are one number."""
-    bounded = np.isfinite(low) & np.isfinite(high)
-    a, b = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
-    return np.where(b > a, (2 * values - (b + a)) / np.where(b > a, b - a, 1.0), 0.0 * values)
-
-
-def from_unit(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The inverse of `to_unit`: where the bounds are one number, that number."""
-    bounded = np.isfinite(low) & np.isfinite(high)
-    a, b = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
-    return (values * (b - a) + b + a) / 2
-
-
-def check_method(method: str | None) -> str | None:
-    """The name of a method of integration if it is one.
-
-    Raises:
-        ValueError: there is no such method.
-    """
-    if method is not None and method not in METHODS:
-        raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
-    return method
-
-
-def check_limit(max_steps: int | None) -> int | None:
-    """The time limit if it is one.
-
-    Raises:
-        ValueError: it is no positive integer.
-    """
-    if max_steps is None:
-        return None
-    return as_count("max_steps", max_steps, below=COUNTS)

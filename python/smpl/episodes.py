@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray
-from smpl.envs import Env, from_unit
+from smpl.envs import Env
+from smpl.support.arguments import FloatArray
+from smpl.support.scaling import from_unit
 from smpl.vector import VectorEnv
 
 Array = npt.NDArray[Any]

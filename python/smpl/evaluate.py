@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smpl._arguments import as_count
 from smpl.collect import add_environment, add_ray, environment, guarded, once
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
 from smpl.learning.reports import content, table, text_table, write
 from smpl.learning.scores import Score, distinct, score, single
+from smpl.support.arguments import as_count
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import as_count
-from smpl.envs import SeedError, check_seed
 from smpl.episodes import Details, Episode
 from smpl.loop import Job, Player, Settings, Single, run_jobs
 from smpl.policies import as_policy
+from smpl.support.arguments import as_count
+from smpl.support.seeds import SeedError, check_seed
 
 __all__ = [
     "Details", "Episode", "Statistics", "evaluate", "per_episode", "pooled", "returns", "run_episode",

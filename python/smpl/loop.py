@@ -17,11 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray
-from smpl._options import start_from_options
-from smpl.envs import Env, Interface, from_unit, native_seed, to_unit
+from smpl.envs import Env, Interface
 from smpl.episodes import Array, Episode, Frame, episode_of
 from smpl.policies import Policy, Rows
+from smpl.support.arguments import FloatArray
+from smpl.support.reset_options import start_from_options
+from smpl.support.scaling import from_unit, to_unit
+from smpl.support.seeds import native_seed
 from smpl.vector import VectorEnv
 from smpl.wrappers import outer_action
 

@@ -15,7 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import (
+from smpl.analysis.adjoint import EpisodeGradient, gradient
+from smpl.analysis.rollout import Rollout, rollout
+from smpl.analysis.sensitivity import StepDerivatives, linearize_step
+from smpl.analysis.step import Step
+from smpl.notebooks.live import Live, live_of_model
+from smpl.support.arguments import (
     FloatArray,
     as_finite,
     as_finite_number,
@@ -27,18 +32,18 @@ from smpl._arguments import (
     pairs_of,
     shorten,
 )
-from smpl._files import is_shipped, model_folders, model_path, models_directory
-from smpl._names import Named
-from smpl._optional import load
-from smpl._step import Step
+from smpl.support.drawing import model_as_html, of_model
+from smpl.support.files import is_shipped, model_folders, model_path, models_directory
+from smpl.support.names import Named
+from smpl.support.optional import load
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-    from smpl._live import Live
-    from smpl.adjoint import EpisodeGradient
-    from smpl.rollout import Rollout
-    from smpl.sensitivity import StepDerivatives
+    from smpl.analysis.adjoint import EpisodeGradient
+    from smpl.analysis.rollout import Rollout
+    from smpl.analysis.sensitivity import StepDerivatives
+    from smpl.notebooks.live import Live
 
 Setting = bool | int | float | str | Sequence[float] | FloatArray
 
@@ -139,8 +144,6 @@ class Model(Named):
             ValueError: an unknown name.
             SimulationError: the episode cannot begin.
         """
-        from smpl.pictures import of_model
-
         return of_model(self, show)
 
     def live(self, *, port: int = 0, browser: bool = True) -> Live:
@@ -153,13 +156,9 @@ class Model(Named):
         Raises:
             OSError: the server cannot start, for example because the port is in use.
         """
-        from smpl._live import live_of_model
-
         return live_of_model(self, port, browser)
 
     def _repr_html_(self) -> str:
-        from smpl.pictures import model_as_html
-
         return model_as_html(self)
 
     def _repr_svg_(self) -> str:
@@ -357,8 +356,6 @@ class Model(Named):
         Raises:
             ValueError: an unknown name, a wrong shape, no finite number; the message names the argument.
         """
-        from smpl.rollout import rollout
-
         return rollout(
             self,
             states,
@@ -427,8 +424,6 @@ class Model(Named):
             ValueError: as for `step`.
             SimulationError: the step does not come to its end, or has no derivative.
         """
-        from smpl.sensitivity import linearize_step
-
         return linearize_step(
             self,
             x,
@@ -476,8 +471,6 @@ class Model(Named):
                 steps.
             SimulationError: the episode ends early, or a step has no derivative.
         """
-        from smpl.adjoint import gradient
-
         return gradient(
             self,
             x,

@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl._arguments import FloatArray, as_vector
-from smpl._optional import load
 from smpl.envs import Env, Interface
+from smpl.support.arguments import FloatArray, as_vector
+from smpl.support.optional import load
 
 Array = npt.NDArray[Any]
 # Values of a controller's attribute `sees`, in addition to the observation levels of the model.
@@ -264,6 +264,18 @@ def as_policy(chooser: Any) -> Policy:
         f"controller is {what}, expected an object with reset(env) and action(env), a policy with predict(observation),"
         " or a function of the observation"
     )
+
+
+def acted(policy: Policy, rows: Rows, name: str) -> FloatArray:
+    """Actions of the rows in the action space, of a policy by its name.
+
+    Raises:
+        ValueError: the actions have another shape.
+    """
+    given, expected = policy.act(rows), (len(rows.steps), len(rows.interface.action_names))
+    if given.shape != expected:
+        raise ValueError(f"{name} gave actions of shape {given.shape}, expected {expected}")
+    return rows.interface.from_physical(given) if policy.physical else given
 
 
 # Checks of an environment.

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count
 from smpl._native import __version__
 from smpl.collect import guarded
 from smpl.controllers import Constant, baseline
@@ -30,6 +29,7 @@ from smpl.learning.progress import Progress
 from smpl.learning.reports import text_table
 from smpl.learning.scores import Summary, score
 from smpl.model import Model, compile
+from smpl.support.arguments import FloatArray, as_count
 
 # Seeds of a repetition are apart from those of the next.
 _APART = 1_000_000

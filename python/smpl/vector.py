@@ -13,20 +13,20 @@ import numpy.typing as npt
 from gymnasium.vector.utils import batch_space
 
 from smpl import _native
-from smpl._arguments import COUNTS, FloatArray, as_count, as_flag, as_numbers, check_names
-from smpl._options import start_from_options
-from smpl.envs import (
-    Env,
-    Interface,
-    Observation,
-    SeedError,
+from smpl.envs import Env, Interface, Observation, choose_model
+from smpl.model import Model, Setting
+from smpl.support.arguments import (
+    COUNTS,
+    FloatArray,
+    as_count,
+    as_flag,
+    as_numbers,
     check_limit,
     check_method,
-    check_seed,
-    choose_model,
-    native_seed,
+    check_names,
 )
-from smpl.model import Model, Setting
+from smpl.support.reset_options import start_from_options
+from smpl.support.seeds import SeedError, check_seed, native_seed
 
 if TYPE_CHECKING:
     from gymnasium.vector import AutoresetMode as AutoresetMode
@@ -201,7 +201,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         try:
             return start_from_options(self.model, options)
         except ValueError:
-            from smpl._options import OPTIONS
+            from smpl.support.reset_options import OPTIONS
 
             check_names("options", options, (*OPTIONS, "reset_mask"))
             raise

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl._runs import read_table
+from smpl.analysis.records import read_table
 from smpl.controllers import PID, Function, Loops, Noisy, Proportional, Recorded
 from smpl.datasets import DatasetError, collect, initial_grid, load
 from smpl.datasets.store import Manifest

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl._cli import main
+from smpl.commands.main import main
 from smpl.controllers import (
     Constant,
     Controller,

@@ -424,7 +424,7 @@ def test_files_of_the_working_folder_are_not_taken_for_shipped_models(tmp_path, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "reactor").write_text("nothing")
     (tmp_path / "beer").mkdir()
-    (tmp_path / "mine").write_text((smpl._files.models_directory() / "reactor.eq").read_text())
+    (tmp_path / "mine").write_text((smpl.support.files.models_directory() / "reactor.eq").read_text())
     assert gymnasium.make("smpl/Reactor-v0").unwrapped.model.name == "Reactor"
     assert smpl.VectorEnv("beer", 1).model.name == "Beer"
     assert smpl.compile("mine").name == "Reactor"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import smpl
+from smpl.analysis.sensors import sensors
 from smpl.controllers import LQG, LQR, ExtendedKalmanFilter, MovingHorizonEstimator
-from smpl.controllers.sensors import sensors
 from smpl.evaluation import run_episode
 
 linalg = pytest.importorskip("scipy.linalg")

@@ -9,13 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-from smpl import _style
 from smpl.controllers import Constant, Proportional
 from smpl.evaluate import compare_controllers, main
 from smpl.evaluation import evaluate, per_episode, pooled
 from smpl.learning import Plan, Task
 from smpl.learning.scores import Score, Summary, compare, score, settling_time
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
+from smpl.support import style
 from tank import TANK
 
 
@@ -163,7 +163,7 @@ def test_the_report_has_figures_of_one_width_and_intervals_on_one_line(tmp_path)
     arguments = ["smpl/Reactor-v0", "--controller", "pid", "--controller", "random", "--episodes", "3", "--quiet"]
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     page = (tmp_path / "report.html").read_text()
-    assert re.search(r"td\{[^}]*white-space:nowrap", page) and _style.FONTS in page
+    assert re.search(r"td\{[^}]*white-space:nowrap", page) and style.FONTS in page
     assert re.search(r"<td>[\d.]+ [nµm]?s</td>", page)
     widths = {image.imread(path).shape[1] for path in tmp_path.glob("*.png")}
     assert len(widths) == 1
@@ -203,14 +203,14 @@ def test_a_controller_far_off_leaves_the_second_panel_to_the_others():
     ],
 )
 def test_numbers_have_significant_digits_and_prefixes_in_place_of_powers(value, unit, written):
-    assert _style.quantity(value, unit) == written
+    assert style.quantity(value, unit) == written
 
 
 def test_colours_of_figures_are_those_of_run_pictures():
     source = (Path(__file__).parents[2] / "runtime/tools/src/picture/colour.rs").read_text()
     for name in ("BLUE", "VERMILION", "GREEN", "ORANGE", "PURPLE", "SKY", "INK", "GREY", "AXIS", "GRID"):
         parts = re.search(rf"const {name}: Colour = Colour\((\d+), (\d+), (\d+)\)", source).groups()
-        assert getattr(_style, name) == "#" + "".join(f"{int(part):02x}" for part in parts), name
+        assert getattr(style, name) == "#" + "".join(f"{int(part):02x}" for part in parts), name
 
 
 def test_a_full_disk_is_told_with_the_file_that_did_not_fit(tmp_path, monkeypatch, capsys):

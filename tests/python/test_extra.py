@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl._cli import main
+from smpl.commands.main import main
 from smpl.controllers import ExtendedKalmanFilter
 
 ENERGY = "reward energy = -abs(T_c - 26.85 [degC]) / 1 [K]"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl._cli import main
+from smpl.commands.main import main
 from smpl.controllers import Nominal, OpenLoop, Uniform
 from smpl.evaluation import run_episode
 
@@ -214,7 +214,7 @@ def test_the_table_of_the_command_and_its_fit(tmp_path):
 
 
 def test_the_profile_of_a_rate_is_the_sum_of_squares_of_the_closed_form(readings):
-    from smpl.profiles import profile
+    from smpl.analysis.profiles import profile
 
     values = np.linspace(0.55, 0.9, 8)
     found = profile(decay("noisy"), table(readings), ["k"], "k", values, initial=["x"])
@@ -255,7 +255,7 @@ solver {{ rtol = 1e-10 }}
 
 def slopes(model, record, parameters, initial=(), **options):
     """Jacobian of the weighted residuals by what is fitted, in units, and how it was computed."""
-    from smpl.identification import _Problem
+    from smpl.analysis.fitting import _Problem
 
     problem = _Problem(model, record, parameters, None, None, tuple(initial), None, options.get("method", "auto"))
     problem._choose(options.get("derivatives", "auto"))
@@ -333,7 +333,7 @@ def test_many_states_for_few_parameters_are_differences():
     rows = np.tile(smpl.compile("atropine").native.defaults("action"), (3, 1))
     model = smpl.compile("atropine")
     record = dict(zip(model.action_names, rows.T, strict=True)) | {f"obs.{model.observation_names[0]}": np.ones(3)}
-    from smpl.identification import _Problem
+    from smpl.analysis.fitting import _Problem
 
     with pytest.warns(UserWarning, match="does not say where .* more started: the nominal start is taken"):
         problem = _Problem(model, record, [model.parameter_names[0]], None, None, (), None, "auto")
@@ -477,7 +477,7 @@ def test_what_was_drawn_for_an_episode_is_known_of_it():
 
 @pytest.mark.parametrize("name", ["reactor", "beer", "pensim", "atropine", "mab", "mab_plant"])
 def test_a_recorded_episode_is_simulated_again_to_the_bit(name):
-    from smpl._runs import read_runs
+    from smpl.analysis.records import read_runs
 
     env = smpl.Env(name, normalize=False, max_steps=4)
     episode = run_episode(env, Nominal(), 5)

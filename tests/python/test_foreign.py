@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 import smpl
-from smpl._foreign import check
+from smpl.support.foreign import check
 
 
 def test_the_package_alone_is_accepted():
     check()
 
 
-@pytest.mark.parametrize("call", ["import smpl", "from smpl._cli import main; main(['--version'])"])
+@pytest.mark.parametrize("call", ["import smpl", "from smpl.commands.main import main; main(['--version'])"])
 def test_files_of_the_other_project_are_refused_with_the_way_out(tmp_path, call):
     """Another project's `__init__` may have replaced ours: the command then says it."""
     folder = tmp_path / "smpl"
@@ -22,7 +22,7 @@ def test_files_of_the_other_project_are_refused_with_the_way_out(tmp_path, call)
     for file in Path(smpl.__file__).parent.iterdir():
         (folder / file.name).symlink_to(file)
     (folder / "plot2d.py").touch()
-    if "_cli" in call:
+    if "commands" in call:
         (folder / "__init__.py").unlink()
         (folder / "__init__.py").touch()
     run = [sys.executable, "-S", "-c", f"import sys; sys.path[:0] = {[str(tmp_path), *sys.path]!r}; {call}"]

@@ -10,10 +10,10 @@ from gymnasium.utils.env_checker import check_env
 
 import smpl
 from plants import rest
-from smpl._registry import GALLERY
 from smpl.controllers import Nominal, baseline
 from smpl.controllers.gallery import LOOPS, RECIPES
 from smpl.evaluation import run_episode
+from smpl.registry import GALLERY
 
 ROOT = Path(__file__).resolve().parents[2]
 # Batches and plants without a nominal point; the start of Tennessee Eastman is rounded as printed.

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import smpl
 from conftest import ROOT
-from smpl._cli import main
+from smpl.commands.main import main
 
 SBML = ROOT / "tests" / "sbml"
 ENDINGS = ("reward", "terminated", "truncated")

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from smpl._cli import main
+from smpl.commands.main import main
 
 CORE = "http://www.sbml.org/sbml/level3/version2/core"
 MATHML = "http://www.w3.org/1998/Math/MathML"

@@ -107,7 +107,7 @@ def test_a_faulty_cell_shows_its_place_and_binds_nothing() -> None:
 
 def test_a_cell_needs_a_name() -> None:
     pytest.importorskip("IPython")
-    from smpl._notebook import cell
+    from smpl.notebooks.magic import cell
 
     with pytest.raises(ValueError, match="expected the name of a variable"):
         cell("not a name", DECAY, None)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import smpl
-from smpl._registry import ENVIRONMENTS
+from smpl.registry import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = sorted(ENVIRONMENTS.values())

@@ -1,8 +1,10 @@
-"""Modules of the Rust crates depend on one another in one direction, but where what they treat is recursive.
+"""Modules of the Rust crates and of the Python package depend on one another in one direction.
 
-A module may name what the modules around it define, as its own methods of their types do.
+Exceptions are modules of Rust that treat something recursive. A module of Rust may name what the modules around it
+define, as its own methods of their types do. In Python imports within functions count, those for types alone do not.
 """
 
+import ast
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -247,3 +249,84 @@ def test_cycles_are_seen_through_imports_paths_and_names_that_are_given_on(tmp_p
         (tmp_path / name).write_text(text)
     found = [{"::".join(module) for module in part} for part in cycles(arrows(modules_of(tmp_path)))]
     assert found == expected
+
+
+# Imports within functions, other than of packages that need not be installed: module -> what needs the package.
+LATE = {
+    "smpl": {"smpl.notebooks.magic"},  # IPython
+    "smpl.analysis.fitting": {"smpl.analysis.fit_pictures"},  # Matplotlib
+    "smpl.analysis.records": {"smpl.datasets"},  # pyarrow
+    "smpl.commands.main": {"smpl.commands.fit"},  # the other commands need no Python
+    "smpl.bench.ppo": {"smpl.sb3"},
+    "smpl.learning.historical.train_online": {"smpl.learning.rllib"},
+    "smpl.learning.learned": {
+        f"smpl.{name}" for name in ("datasets", "learning.offline", "learning.online", "learning.rllib")
+    },
+    "smpl.learning.online": {"smpl.sb3"},
+    "smpl.published": {"smpl.controllers.bayesian", "smpl.controllers.pensim"},
+    "smpl.learning.reports": {"smpl.learning.pictures"},  # Matplotlib
+    "smpl.optimize.episodes": {"smpl.optimize.pictures"},  # Matplotlib
+    "smpl.optimize.steady": {"smpl.optimize.pictures"},  # Matplotlib
+}
+
+
+def python_modules(folder, package):
+    """Files of a package by the names of its modules; the compiled one has no file."""
+    found = {f"{package}._native": None} if package == "smpl" else {}
+    for file in sorted((folder / package).rglob("*.py")):
+        parts = file.relative_to(folder).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+def imports(tree, within=False):
+    """Paths that a module imports, each with whether it does so within a function."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        if isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield from ((f"{node.module}.{alias.name}", within) for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from ((alias.name, within) for alias in node.names)
+        else:
+            function = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+            yield from imports(node, within or function)
+
+
+def python_arrows(modules):
+    """For each module those that it imports, and those that it imports within functions only."""
+    graph, late = {name: set() for name in modules}, {}
+    for name, file in modules.items():
+        places = {}
+        for path, within in imports(ast.parse(file.read_text(encoding="utf-8"))) if file is not None else ():
+            while path and path not in modules:
+                path = path.rpartition(".")[0]
+            if path and path != name:
+                places[path] = places.get(path, True) and within
+        graph[name] = set(places)
+        if any(places.values()):
+            late[name] = {path for path, within in places.items() if within}
+    return graph, late
+
+
+def test_modules_of_the_package_depend_on_one_another_in_one_direction():
+    graph, late = python_arrows(python_modules(ROOT / "python", "smpl"))
+    assert sum(map(len, graph.values())) > len(graph), "the arrows are not seen"
+    assert cycles(graph) == []
+    assert late == LATE
+
+
+def test_cycles_of_python_are_seen_through_functions_and_not_through_types(tmp_path):
+    texts = {
+        "__init__": "from own.a import f",
+        "a": "def f():\n    from own.b import g\n    return g",
+        "b": "from typing import TYPE_CHECKING\nimport own.c\nif TYPE_CHECKING:\n    from own.d import T",
+        "c": "from own import a",
+        "d": "import own.b",
+    }
+    (tmp_path / "own").mkdir()
+    for name, text in texts.items():
+        (tmp_path / "own" / f"{name}.py").write_text(text)
+    graph, late = python_arrows(python_modules(tmp_path, "own"))
+    assert cycles(graph) == [{"own.a", "own.b", "own.c"}]
+    assert late == {"own.a": {"own.b"}}

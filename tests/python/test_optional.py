@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import smpl
-from smpl._optional import install, load
+from smpl.support.optional import install, load
 
 PACKAGE = Path(smpl.__file__).parent
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import smpl
-from smpl._registry import ENVIRONMENTS
 from smpl.controllers import Nominal
 from smpl.evaluation import evaluate
+from smpl.registry import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

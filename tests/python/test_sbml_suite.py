@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smpl._cli import main
+from smpl.commands.main import main
 
 SUITE = os.environ.get("SMPL_SBML_SUITE")
 pytestmark = pytest.mark.skipif(SUITE is None, reason="needs the cases of the SBML test suite (SMPL_SBML_SUITE)")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl._cli import main
-from smpl._files import model_path
-from smpl.profiles import profile
+from smpl.analysis.profiles import profile
+from smpl.commands.main import main
+from smpl.support.files import model_path
 
 optimize = pytest.importorskip("scipy.optimize")
 

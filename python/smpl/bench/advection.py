@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench import c
 from smpl.bench.common import (
     at_least,
@@ -24,6 +23,7 @@ from smpl.bench.common import (
     title,
     where_time_goes,
 )
+from smpl.support.arguments import FloatArray
 
 MODEL = Path(__file__).parent / "advection_reaction.eq"
 CELLS = 425

@@ -19,8 +19,8 @@ from functools import partial
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import at_least, environment, installed, title
+from smpl.support.arguments import FloatArray
 
 COUNT, TURN = 256, 20
 # Steps of a turn against the peer: whole episodes of all that are compared, so that starts count.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smpl._arguments import FloatArray
+from smpl.support.arguments import FloatArray
 
 HERE = Path(__file__).parent
 SUNDIALS = ["-lsundials_ida", "-lsundials_nvecserial", "-lsundials_sunmatrixsparse", "-lsundials_sunlinsolklu", "-lklu"]

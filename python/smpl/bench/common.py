@@ -18,8 +18,8 @@ import numpy as np
 
 import smpl
 from smpl import _native
-from smpl._arguments import FloatArray
-from smpl._files import model_path
+from smpl.support.arguments import FloatArray
+from smpl.support.files import model_path
 
 Step = Callable[[], object]
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import goal, installed, title
 from smpl.controllers import NMPC, baseline
+from smpl.support.arguments import FloatArray
 
 WEIGHT = 0.1
 # The predictive controller that was shipped before, with its own copy of the equations, ms.

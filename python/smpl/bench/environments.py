@@ -13,10 +13,10 @@ import gymnasium
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
-from smpl._registry import ENVIRONMENTS, GALLERY
 from smpl.bench.common import seconds, title
 from smpl.controllers import Controller, Nominal, Policy
+from smpl.registry import ENVIRONMENTS, GALLERY
+from smpl.support.arguments import FloatArray
 
 BATCH = 16
 # Most steps of an episode that are taken: the start counts for as much as it does in a short one.

@@ -17,8 +17,8 @@ from functools import cache, partial
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import installed, scenario, title
+from smpl.support.arguments import FloatArray
 
 TIGHT = 1e-12
 # Share of the action box, to both sides of its middle; `recipe`: actions of the model's policy, off by up to 1 %.

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import at_least, installed, title
 from smpl.bench.fit_cases import CASES, Case, Peer
+from smpl.support.arguments import FloatArray
 
 DRAWS = 100
 GOAL = 10.0

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
+from smpl.analysis.sensors import sensors
 from smpl.controllers import OpenLoop, Policy
-from smpl.controllers.sensors import sensors
 from smpl.evaluation import run_episode
+from smpl.support.arguments import FloatArray
 
 # K. H. Johansson, The quadruple-tank process, IEEE Transactions on Control Systems Technology 8 (2000) 456-465.
 FOUR_TANKS = """model FourTanks

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench import c
 from smpl.bench.common import title
+from smpl.support.arguments import FloatArray
 
 REACTOR = (np.array([0.8, 55.0, 0.6]), np.array([28.0, 0.11]))
 BEER = (np.array([1.5, 1.0, 2.0, 90.0, 15.0, 0.3, 0.5]), np.array([13.0]))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import (
     at_least,
     compile_time,
@@ -21,6 +20,7 @@ from smpl.bench.common import (
     title,
     where_time_goes,
 )
+from smpl.support.arguments import FloatArray
 
 # Scales of the tanks' states; those of the column are 1.
 TANKS = [3e10, 5e10, 5000, 50, 200, 50, 150, 3000, 2e10, 3e10, 5000, 100, 250, 100, 200, 3000, 37, 3, 200]

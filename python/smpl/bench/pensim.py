@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import at_least, compile_time, environment, goal, installed, seconds, title, where_time_goes
+from smpl.support.arguments import FloatArray
 
 STEPS, LENGTH = 1150, 0.2
 # Tolerance, method and how many times as long LSODA should take.

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
-from smpl._files import model_path
 from smpl.bench.common import installed, scenario, title
+from smpl.support.arguments import FloatArray
+from smpl.support.files import model_path
 
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)

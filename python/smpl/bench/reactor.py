@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.bench.common import at_least, environment, installed, seconds, title, where_time_goes
+from smpl.support.arguments import FloatArray
 
 Step = Callable[[FloatArray, FloatArray], FloatArray]
 

@@ -16,6 +16,7 @@ from smpl.controllers.nmpc import NMPC
 from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
 from smpl.controllers.sampling import SamplingMPC
+from smpl.policies import as_policy
 
 __all__ = [
     "LQG",
@@ -50,8 +51,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Former names."""
     if name == "as_player":
-        from smpl.policies import as_policy
-
         text = "smpl.controllers.as_player is deprecated, use smpl.policies.as_policy"
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return as_policy

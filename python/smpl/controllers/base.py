@@ -10,11 +10,12 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_count, as_vector, check_names
 from smpl._native import SimulationError
 from smpl.controllers.identity import Recorded
-from smpl.envs import Env, native_seed
+from smpl.envs import Env
 from smpl.policies import Rows
+from smpl.support.arguments import FloatArray, as_count, as_vector, check_names
+from smpl.support.seeds import native_seed
 
 # Attribute of a controller that was reset.
 BEGUN = "_begun"

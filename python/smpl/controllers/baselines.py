@@ -7,7 +7,6 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-from smpl._registry import ENVIRONMENTS, GALLERY
 from smpl.controllers.base import Constant, Policy
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.culture import CultureMPC
@@ -15,6 +14,7 @@ from smpl.controllers.full_information import full_information
 from smpl.controllers.gallery import LOOPS, RECIPES
 from smpl.controllers.pensim import RecipeSearch
 from smpl.controllers.reactor import Proportional, ReactorNMPC
+from smpl.registry import ENVIRONMENTS, GALLERY
 
 
 def _zero(**options: Any) -> Constant:

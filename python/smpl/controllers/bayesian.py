@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_count, as_numbers
-from smpl._clock import Clock
-from smpl._optional import load
-from smpl._searches import read_search
+from smpl.analysis.rollout import Rollout
 from smpl.model import Model
-from smpl.rollout import Rollout
+from smpl.support.arguments import FloatArray, as_count, as_numbers
+from smpl.support.clock import Clock
+from smpl.support.optional import load
+from smpl.support.searches import read_search
 
 Objective = Callable[[FloatArray], Any]
 

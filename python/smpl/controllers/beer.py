@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.base import Constant, TakesWrapped, require
 from smpl.envs import Env
 from smpl.policies import Rows
+from smpl.support.arguments import FloatArray
 
 
 class Profile(TakesWrapped, needs_reset=False):

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.nmpc_model import Expressions
+from smpl.support.arguments import FloatArray
 
 NODES = ("radau", "gauss")
 # Above so many operations in all stages together, stages are calls of one function in place of one large graph.

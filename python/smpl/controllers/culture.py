@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from smpl._arguments import FloatArray
 from smpl.controllers.base import Policy, TakesWrapped
 from smpl.controllers.nmpc import NMPC
 from smpl.envs import Env
+from smpl.export import casadi
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
 
 # What the culture model holds; buffer tank and column follow the rules of the nominal policy.
 STATES = (
@@ -100,8 +101,6 @@ class CultureMPC(TakesWrapped):
 
 def _deviations(model: Model) -> dict[str, float]:
     """Weights one of the scaled states and actions."""
-    from smpl.export import casadi
-
     functions = casadi(model)
     scale = dict(zip(functions.state_names, functions.state_scale.tolist(), strict=True))
     scale |= dict(zip(functions.action_names, functions.action_scale.tolist(), strict=True))

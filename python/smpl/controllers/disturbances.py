@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, check_names, check_once
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, check_names, check_once
 
 # Steps and samples by which it is found which disturbances must be estimated.
 _STEPS, _SAMPLES = 120, 3

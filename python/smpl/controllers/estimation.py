@@ -14,15 +14,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_finite, as_finite_number, as_mapping, as_number
 from smpl._native import SimulationError
+from smpl.analysis.rollout import rollout
+from smpl.analysis.sensitivity import linearize_step
+from smpl.analysis.sensors import Sensors, sensors
 from smpl.controllers.disturbances import Disturbances, drawn_parameters
-from smpl.controllers.names import listing, weights
-from smpl.controllers.sensors import Sensors, sensors
+from smpl.controllers.names import weights
 from smpl.envs import Env
 from smpl.model import Model
-from smpl.rollout import rollout
-from smpl.sensitivity import linearize_step
+from smpl.support.arguments import FloatArray, as_finite, as_finite_number, as_mapping, as_number
+from smpl.support.names import listing
 
 # Points by states from which on threads bring more than they cost.
 _LARGE = 400

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.base import Nominal, Policy, TakesWrapped
 from smpl.controllers.culture import ACTIONS, STATES
 from smpl.controllers.nmpc import NMPC
@@ -21,6 +20,7 @@ from smpl.controllers.plant import plant_mpc
 from smpl.controllers.sampling import SamplingMPC
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
 
 
 class Deferred(TakesWrapped):

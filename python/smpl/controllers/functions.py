@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_vector, check_names
 from smpl.controllers.base import TakesWrapped
 from smpl.envs import Env
+from smpl.support.arguments import FloatArray, as_vector, check_names
 
 
 class Function(TakesWrapped):

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_number
 from smpl.controllers.base import TakesWrapped, require_reset
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count, as_number
 
 
 @dataclass

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, check_once
-from smpl._optional import load
 from smpl.controllers.base import TakesWrapped
-from smpl.controllers.names import listing, operating_point, weights
+from smpl.controllers.names import operating_point, weights
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, check_once
+from smpl.support.names import listing
+from smpl.support.optional import load
 
 if TYPE_CHECKING:
     from smpl.controllers.estimation import Estimator

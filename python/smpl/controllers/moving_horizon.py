@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count
-from smpl._clock import Clock, as_seconds
-from smpl._optional import load
 from smpl.controllers.base import TakesWrapped, require_reset
 from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.controllers.kalman import Consistency, consistency, correct, predict
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count
+from smpl.support.clock import Clock, as_seconds
+from smpl.support.optional import load
 
 # Deviation of a certain value, in parts of its size.
 _CERTAIN = 1e-7

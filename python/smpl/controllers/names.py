@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from smpl import SimulationError
-from smpl._arguments import FloatArray, as_mapping, as_number
+from smpl._native import SimulationError
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_mapping, as_number
+from smpl.support.names import listing
 
 
 @dataclass(frozen=True)
@@ -143,12 +144,6 @@ def slow_gain(model: Model, action: int, measurement: Measured) -> float:
         np.abs(row) @ np.abs(np.linalg.solve(slow * np.eye(n) - A, np.diag(np.abs(B[:, action])))).sum(axis=1)
     )
     return found if abs(found) > 1e-9 * (scale + abs(direct)) else 0.0
-
-
-def listing(names: Iterable[str], units: Iterable[str], most: int = 40) -> str:
-    """Names with their units."""
-    shown = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-    return ", ".join(shown[:most]) + (f", ... ({len(shown)} in all)" if len(shown) > most else "")
 
 
 def weights(argument: str, given: Any, names: tuple[str, ...], units: tuple[str, ...]) -> FloatArray | None:

@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_mapping, as_number
-from smpl._clock import as_seconds
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.collocation import NODES, Limit, Task, Transcription
-from smpl.controllers.names import listing, operating_action
+from smpl.controllers.names import operating_action
 from smpl.controllers.nmpc_given import Given
 from smpl.controllers.nmpc_model import Expressions
 from smpl.controllers.nmpc_objective import Cost, Objective, by_action, row_sizes
@@ -27,6 +25,9 @@ from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.controllers.nmpc_starts import Finer
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number
+from smpl.support.clock import as_seconds
+from smpl.support.names import listing
 
 Bounds = Mapping[str, tuple[float | None, float | None]]
 # Further first guesses for an economic cost.

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from smpl import SimulationError
-from smpl._arguments import FloatArray, as_mapping, as_number, check_names
+from smpl._native import SimulationError
 from smpl.controllers.names import operating_point
 from smpl.controllers.nmpc_model import Expressions
 from smpl.envs import Env
+from smpl.support.arguments import FloatArray, as_mapping, as_number, check_names
 
 # What each interval of a horizon has its own value of, whatever is forecast.
 _COUNTERS = ("p:clock", "c:steps", "c:last_step", "within:episode")

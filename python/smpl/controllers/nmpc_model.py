@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
-from smpl._optional import load
-from smpl.controllers.names import listing
 from smpl.controllers.nmpc_elimination import eliminate
 from smpl.export.modules import CasadiModel, casadi
 from smpl.export.parts import chosen
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
+from smpl.support.names import listing
+from smpl.support.optional import load
 
 _INSTANT = re.compile(r"(previous|initial|steady|integral)\((.*)\)")
 

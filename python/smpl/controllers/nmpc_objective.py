@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_mapping, as_number
-from smpl.controllers.names import listing
 from smpl.controllers.nmpc_given import Given
 from smpl.controllers.nmpc_model import Expressions
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_mapping, as_number
+from smpl.support.names import listing
 
 Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
 # Shares of their sizes by which the unknowns are displaced from the guess, where derivatives may be 0 or infinite.

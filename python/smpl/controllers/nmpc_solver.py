@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.collocation import Programme, Transcription
 from smpl.controllers.nmpc_guess import Guesses
 from smpl.controllers.nmpc_plugins import WIDE, Settings, plugin
 from smpl.controllers.nmpc_starts import Simulation
 from smpl.controllers.nmpc_watch import Watched
+from smpl.support.arguments import FloatArray
 
 SOLVERS = ("auto", "fatrop", "ipopt", "sqp")
 # Above so many variables the sparse quadratic programmes of `sqp` take longer than fatrop.

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.collocation import Programme, Transcription
+from smpl.support.arguments import FloatArray
 
 # Plans that are simulated at once for the best ones among them.
 _PLANS = 60

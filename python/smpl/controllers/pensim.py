@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.base import TakesWrapped, require
 from smpl.controllers.bayesian import BayesianOptimization
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
 
 # Times in hours until which each value of the recipe holds.
 UNTIL = {

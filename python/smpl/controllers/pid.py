@@ -18,11 +18,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_finite_number, as_mapping, as_number
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import Measured, action_index, measured, operating_action, slow_gain
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count, as_finite_number, as_mapping, as_number
 
 SetPoint = float | Callable[[float], float]
 FORMS = ("positional", "velocity")

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl.controllers.sampling import SamplingMPC
 from smpl.envs import Env
+from smpl.support.arguments import FloatArray
 
 PERIOD, HORIZON = 20, 25
 # Litres of flush and elution that plans begin with: the nominal ones, and shorter ones of which the product reaches the

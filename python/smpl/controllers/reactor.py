@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray
 from smpl.controllers.base import TakesWrapped, require
 from smpl.controllers.nmpc import NMPC
 from smpl.envs import Env, Interface
 from smpl.policies import Rows
+from smpl.support.arguments import FloatArray
 
 # Published set-point and steady action, in the declared units (c_A, T, h) and (T_c, q_out).
 SET_POINT = np.array([0.8778252, 51.34660837, 0.659])

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_number, as_numbers, check_names
+from smpl.analysis.rollout import Rollout, rollout
 from smpl.controllers.base import TakesWrapped
-from smpl.controllers.names import listing, operating_action
+from smpl.controllers.names import operating_action
 from smpl.envs import Env
 from smpl.model import Model
-from smpl.rollout import Rollout, rollout
+from smpl.support.arguments import FloatArray, as_count, as_number, as_numbers, check_names
+from smpl.support.names import listing
 
 METHODS = ("mppi", "cem")
 Cost = Callable[[Rollout, FloatArray], Any]

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_number
 from smpl.controllers.base import plain
 from smpl.controllers.lqr import sampled
-from smpl.controllers.names import action_index, listing, measured, operating_action, operating_point
+from smpl.controllers.names import action_index, measured, operating_action, operating_point
 from smpl.controllers.pid import PID
 from smpl.envs import Env
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count, as_number
+from smpl.support.names import listing
 
 # Names of rules: K over the ultimate gain, T_i and T_d over the ultimate period.
 RULES = {

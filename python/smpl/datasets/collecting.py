@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import as_count, check_names
 from smpl._native import __version__
 from smpl.controllers.identity import AnonymousError, differences
 from smpl.datasets.loading import Dataset, load
@@ -30,7 +29,7 @@ from smpl.datasets.store import (
     pyarrow,
     write_part,
 )
-from smpl.envs import SEEDS, Env, SeedError
+from smpl.envs import Env
 from smpl.learning.agents import Agent, described
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Plan, Task
@@ -38,6 +37,8 @@ from smpl.learning.progress import Progress
 from smpl.learning.running import batched, drawn_parameters, run
 from smpl.learning.workers import spread
 from smpl.loop import Settings
+from smpl.support.arguments import as_count, check_names
+from smpl.support.seeds import SEEDS, SeedError
 
 # Bytes of a part before compression, and the most episodes that it may have.
 PART_BYTES = 64 * 2**20

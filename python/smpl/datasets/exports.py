@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 
-from smpl._optional import load
 from smpl.datasets.layouts import Float32Array, joined
 from smpl.datasets.loading import Dataset
-from smpl.envs import Env, native_seed
+from smpl.envs import Env
 from smpl.episodes import Episode
 from smpl.learning.plan import Task
+from smpl.support.optional import load
+from smpl.support.seeds import native_seed
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset

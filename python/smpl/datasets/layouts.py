@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_count, as_number, as_numbers
 from smpl.episodes import Episode
+from smpl.support.arguments import FloatArray, as_count, as_number, as_numbers
 
 Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]

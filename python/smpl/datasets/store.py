@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray
-from smpl._optional import load
 from smpl.episodes import Details, Episode
+from smpl.support.arguments import FloatArray
+from smpl.support.optional import load
 
 FORMAT = 1
 MANIFEST = "dataset.json"

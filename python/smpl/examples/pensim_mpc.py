@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.controllers import SamplingMPC, baseline
 from smpl.controllers.pensim import Recipe
 from smpl.evaluation import run_episode
 from smpl.examples.full_information import COLUMNS, FIRST_SEED, Row, read, write
+from smpl.support.arguments import FloatArray
 
 CONTROLLERS = ("recipe", "sampling")
 # Deviations of the samples; the steps that a plan looks ahead and is followed.

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
 
 
 @dataclass

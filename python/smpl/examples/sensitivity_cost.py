@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import smpl
-from smpl._arguments import FloatArray
+from smpl.support.arguments import FloatArray
 
 # Model, roles of the directions, points.
 CASES = (

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, check_names
-from smpl._optional import load
 from smpl.export.calls import completing
 from smpl.export.files import text
 from smpl.export.parts import CasadiPart, cut
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, check_names
+from smpl.support.optional import load
 
 # Name, unit, lower and upper bound, magnitude, nominal value.
 Row = tuple[str, str, float, float, float, float]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, check_names
+from smpl.support.arguments import FloatArray, check_names
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from smpl._arguments import check_names
-from smpl._optional import load
 from smpl.export.modules import CasadiModel, casadi
 from smpl.model import Model
+from smpl.support.arguments import check_names
+from smpl.support.optional import load
 
 # Larger models have one vector of states in place of a variable for each.
 _MOST_VARIABLES = 200

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import re
 import tempfile
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import smpl.controllers as controllers
-from smpl._arguments import FloatArray
 from smpl.controllers.identity import AnonymousError, Description, identity, name_of
 from smpl.envs import Env
+from smpl.learning.names import named, names
+from smpl.learning.saved import in_its_formulation, sidecars
 from smpl.model import Model
-from smpl.policies import FILES, Rows, as_policy, load_policy
+from smpl.policies import FILES, Rows, acted, as_policy, load_policy
+from smpl.support.arguments import FloatArray
 
 
 class Agent:
@@ -70,10 +69,7 @@ class Agent:
         Raises:
             ValueError: they have another shape.
         """
-        given, expected = self.policy.act(rows), (len(rows.steps), len(rows.interface.action_names))
-        if given.shape != expected:
-            raise ValueError(f"{self.name} gave actions of shape {given.shape}, expected {expected}")
-        return rows.interface.from_physical(given) if self.policy.physical else given
+        return acted(self.policy, rows, self.name)
 
     def check(self, env: Env) -> None:
         """Refuse an environment that the agent is not for: reset once as an episode would.
@@ -103,9 +99,12 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
         return spec
     if not isinstance(spec, str):
         return Agent(name or type(spec).__name__, spec)
-    if (named := re.match(r"([\w -]+)=(.+)", spec)) is not None:
-        name, spec = name or named[1], named[2]
-    made = Agent(name or _title(spec), _made(spec, model))
+    if (labelled := re.match(r"([\w -]+)=(.+)", spec)) is not None:
+        name, spec = name or labelled[1], labelled[2]
+    file = Path(spec.rpartition(":")[2])
+    is_file = file.suffix in FILES and spec not in names(model)
+    chooser = in_its_formulation(load_policy(spec), file, model) if is_file else named(spec, model)
+    made = Agent(name or _title(spec), chooser)
     made.origin = (spec, model)
     return made
 
@@ -115,8 +114,6 @@ def _files(spec: str) -> dict[str, bytes]:
     file = _policy_file(spec)
     if file is None:
         return {}
-    from smpl.learning.saved import sidecars
-
     return {one.name: one.read_bytes() for one in (file, *sidecars(file)) if one.is_file()}
 
 
@@ -158,79 +155,3 @@ def _title(spec: str) -> str:
     """Name of a policy file without its folder and ending; of anything else the text itself."""
     file = Path(spec.rpartition(":")[2])
     return file.stem if file.suffix in FILES else spec
-
-
-def _made(spec: str, model: Model) -> Any:
-    known = _known(model)
-    if spec in known:
-        return known[spec]()
-    if spec.startswith("constant:"):
-        return controllers.Constant(_numbers(spec))
-    if Path(spec.rpartition(":")[2]).suffix in FILES:
-        from smpl.learning.saved import in_its_formulation
-
-        return in_its_formulation(load_policy(spec), Path(spec.rpartition(":")[2]), model)
-    if ":" in spec:
-        return _imported(spec)
-    later = _baseline(model, spec)
-    if later is not None:
-        return later
-    raise ValueError(
-        f"controller is {spec!r}; {model.name} has: {', '.join(names(model))}; "
-        "others: constant:NUMBER,..., MODULE:ATTRIBUTE, PPO:FILE.zip, FILE.d3, FILE.pt"
-    )
-
-
-def names(model: Model) -> tuple[str, ...]:
-    """Names of the controllers for a model."""
-    listed: Any = getattr(controllers, "baselines", None)
-    try:
-        more = listed(model.name) if listed is not None else ()
-    except ValueError:  # a model that is not shipped has none
-        more = ()
-    return tuple(dict.fromkeys((*_known(model), *more)))
-
-
-def _known(model: Model) -> dict[str, Callable[[], Any]]:
-    """Controllers by name: those of every model, the baselines of this one, and the policies that it declares."""
-    known: dict[str, Callable[[], Any]] = {"nominal": controllers.Nominal, "random": controllers.Uniform}
-    if model.action_names == ("T_c", "q_out"):
-        known |= {"pid": controllers.Proportional, "mpc": _reactor_mpc}
-    if model.action_names == ("T",) and "S" in model.state_names:
-        known |= {"profile": controllers.Profile, "isothermal": controllers.isothermal}
-    for policy in model.policies:
-        known.setdefault(policy, partial(controllers.Policy, policy))
-    return known
-
-
-def _reactor_mpc() -> Any:
-    from smpl.controllers.reactor import ReactorNMPC
-
-    return ReactorNMPC()
-
-
-def _baseline(model: Model, name: str) -> Any:
-    """What `smpl.controllers.baseline` has under a name, none if it has not."""
-    baseline = getattr(controllers, "baseline", None)
-    if baseline is None:
-        return None
-    try:
-        return baseline(model.name, name)
-    except (ValueError, KeyError):
-        return None
-
-
-def _imported(spec: str) -> Any:
-    module, _, attribute = spec.partition(":")
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"controller {spec!r} is not there: {error}") from error
-    return found() if isinstance(found, type) else found
-
-
-def _numbers(spec: str) -> list[float]:
-    try:
-        return [float(number) for number in spec.partition(":")[2].split(",")]
-    except ValueError as error:
-        raise ValueError(f"controller is {spec!r}, expected constant:NUMBER,NUMBER,...") from error

@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from smpl._optional import load
+from smpl.support.optional import load
 
 Result = TypeVar("Result")
 # Pieces in work for each processor, seconds after which new processors are looked for, and how often in a row pieces

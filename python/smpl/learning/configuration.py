@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from smpl._arguments import as_count, as_number, check_names
-from smpl._optional import load
 from smpl.learning.environments import Curriculum
 from smpl.learning.formulation import Formulation
+from smpl.support.arguments import as_count, as_number, check_names
+from smpl.support.optional import load
 
 OWN = Path(__file__).with_name("benchmark.yaml")
 # Hyperparameters that `python -m smpl.benchmark tune` has found, with its commands; they lie over the others.

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from smpl import _style
 from smpl.learning.records import Result
+from smpl.support import style as look
 
-_COLOURS = {"control": _style.INK, "offline": _style.BLUE, "online": _style.VERMILION}
+_COLOURS = {"control": look.INK, "offline": look.BLUE, "online": look.VERMILION}
 
 
 def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list[Path]:
@@ -23,7 +23,7 @@ def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list
     rows = [row for row in table["rows"] if "skipped" not in row]
     folder, drawn, learned = out / "figures", [], [one for one in results if one.curve]
     folder.mkdir(exist_ok=True)
-    with _style.styled():
+    with look.styled():
         for env in dict.fromkeys(row["env"] for row in rows):
             mine = [row for row in rows if row["env"] == env]
             figures = {f"{env}-scores": _scores(Figure, env, mine), f"{env}-curves": _curves(Figure, env, learned)}
@@ -40,7 +40,7 @@ def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> An
     interval = "gain_interval" if key == "gain" else "return_interval"
     shown = [row for row in rows if key != "gain" or row["controller"] != "nominal"] or rows
     ordered = sorted(shown, key=lambda row: float(row[key]))
-    figure = figure_type(figsize=(_style.WIDTH, 1.4 + 0.2 * len(ordered)), layout="constrained")
+    figure = figure_type(figsize=(look.WIDTH, 1.4 + 0.2 * len(ordered)), layout="constrained")
     axis = figure.subplots()
     for suite, colour in _COLOURS.items():
         mine = [(place, row) for place, row in enumerate(ordered) if row["suite"] == suite]
@@ -50,9 +50,9 @@ def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> An
         axis.plot([row[key] for _, row in mine], places, "o", color=colour, markersize=4, label=suite if mine else None)
     axis.set_yticks(range(len(ordered)), [_label(row) for row in ordered])
     axis.set_ylim(-0.7, len(ordered) - 0.3)
-    _style.widen(axis.set_xscale, [float(value) for row in ordered for value in (row[key], *row[interval])], 3)
+    look.widen(axis.set_xscale, [float(value) for row in ordered for value in (row[key], *row[interval])], 3)
     if key == "gain":
-        axis.axvline(0, color=_style.AXIS, linewidth=1)
+        axis.axvline(0, color=look.AXIS, linewidth=1)
     what = "gain in the return of an episode over the nominal policy" if key == "gain" else "return of an episode"
     axis.set_xlabel(f"mean {what}, with its 95 % interval")
     axis.set_title(env)
@@ -76,20 +76,20 @@ def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
     if not panels:
         return None
     deepest = max(-(-len(algorithms) // 4) for algorithms in panels.values())
-    figure = figure_type(figsize=(_style.WIDTH, 4 + 0.17 * deepest), layout="constrained")
+    figure = figure_type(figsize=(look.WIDTH, 4 + 0.17 * deepest), layout="constrained")
     for axis, (suite, algorithms) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels.items(), strict=True):
         for number, (name, seeds) in enumerate(algorithms.items()):
             length = min(map(len, seeds))
             steps = [row["steps"] for row in seeds[0][:length]]
             values = np.array([[row["mean"] for row in one[:length]] for one in seeds])
-            style = {"color": _style.colour(number), "linestyle": _style.dashes(number)}
+            style = {"color": look.colour(number), "linestyle": look.dashes(number)}
             axis.plot(steps, values.mean(axis=0), label=name, marker=".", **style)
             axis.fill_between(
                 steps, values.min(axis=0), values.max(axis=0), alpha=0.15, color=style["color"], linewidth=0
             )
         if suite == "online":
             axis.set_xscale("log")  # a policy gradient takes thirty times the steps of a learner that replays
-        _style.widen(axis.set_yscale, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
+        look.widen(axis.set_yscale, [row["mean"] for seeds in algorithms.values() for one in seeds for row in one])
         axis.set_title(f"{env}, {suite}")
         axis.set_xlabel("gradient steps" if suite == "offline" else "steps of the process")
         axis.set_ylabel("mean reward of a step, validation")

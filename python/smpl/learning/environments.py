@@ -9,11 +9,11 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import as_number, as_vector, check_names, check_within
 from smpl._native import SimulationError
 from smpl.envs import Env
 from smpl.learning.formulation import Form, Formulation
 from smpl.policies import Rows
+from smpl.support.arguments import as_number, as_vector, check_names, check_within
 from smpl.vector import AutoresetMode, StepResult, VectorEnv, parse_autoreset_mode
 
 Array = npt.NDArray[Any]

@@ -18,7 +18,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from smpl._arguments import (
+from smpl.controllers import Recorded, Uniform
+from smpl.envs import Env, Interface
+from smpl.episodes import Episode
+from smpl.learning.names import named
+from smpl.model import Model
+from smpl.policies import Rows, acted, as_policy, check_spaces, draws
+from smpl.support.arguments import (
     FloatArray,
     as_count,
     as_finite_number,
@@ -27,12 +33,8 @@ from smpl._arguments import (
     check_names,
     elements,
 )
-from smpl.controllers import Recorded, Uniform
-from smpl.envs import Env, Interface, from_unit, native_seed
-from smpl.episodes import Episode
-from smpl.learning.agents import agent
-from smpl.model import Model
-from smpl.policies import Rows, as_policy, check_spaces, draws
+from smpl.support.scaling import from_unit
+from smpl.support.seeds import native_seed
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"
@@ -402,10 +404,11 @@ def _centre(
         table = _recipe(interface.model)
         return lambda rows: table[np.minimum(rows.steps, len(table) - 1)], ""
     try:
-        chosen = agent(name, interface.model)
+        controller = named(name, interface.model)
     except ValueError as error:
         raise ValueError(f"centre is {name!r}; there are: {', '.join(_CENTRES)}, and controllers ({error})") from error
-    if isinstance(chosen.chooser, Uniform):
+    chosen = as_policy(controller)
+    if isinstance(controller, Uniform):
         raise ValueError(f"centre is {name!r}, another action each time; there are: {', '.join(_CENTRES)}, ...")
     if not chosen.batched:
         raise ValueError(
@@ -415,13 +418,13 @@ def _centre(
     env = Env(interface.model, normalize=interface.normalize)
     observation, _ = env.reset(seed=0)
     try:
-        chosen.policy.reset(env, 0)
-        given = chosen.act(Rows(env, observation[None], env.state[None], np.array([0]), [{"seed": 0}]))
+        chosen.reset(env, 0)
+        given = acted(chosen, Rows(env, observation[None], env.state[None], np.array([0]), [{"seed": 0}]), name)
     except ValueError as error:
         raise ValueError(f"centre is {name!r}, which is none for {interface.model.name}: {error}") from error
     if not np.isfinite(given).all():
         raise ValueError(f"centre is {name!r}, expected finite actions")
-    return lambda rows: interface.to_physical(chosen.act(rows)), chosen.needs
+    return lambda rows: interface.to_physical(acted(chosen, rows, name)), chosen.needs
 
 
 # Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.

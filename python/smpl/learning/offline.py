@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from smpl._arguments import check_numbers
-from smpl._optional import load
 from smpl.datasets import Dataset
 from smpl.datasets.exports import d3rlpy_arrays
 from smpl.episodes import Episode
 from smpl.learning.configuration import SCALERS, check_scalers
 from smpl.learning.formulation import Form, Formulation, formulated, rewarded
+from smpl.support.arguments import check_numbers
+from smpl.support.optional import load
 
 if TYPE_CHECKING:
     from d3rlpy.dataset import MDPDataset, TransitionMiniBatch

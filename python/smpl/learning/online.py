@@ -8,11 +8,11 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from smpl._arguments import check_numbers
 from smpl.learning.environments import Curriculum, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.offline import needs
 from smpl.learning.plan import Task
+from smpl.support.arguments import check_numbers
 from smpl.vector import AutoresetMode
 
 # Algorithms of sb3-contrib, and policies that are not the usual `MlpPolicy`.

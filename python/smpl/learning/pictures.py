@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from smpl import _style
-from smpl._arguments import FloatArray
 from smpl.episodes import Episode
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, physical
+from smpl.support import style as look
+from smpl.support.arguments import FloatArray
 
 # The most rows of trajectories that are drawn.
 _PANELS = 8
@@ -25,7 +25,7 @@ _Bands = list[tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None]
 
 def pictures(plan: Plan, scores: Sequence[Score]) -> dict[str, tuple[str, bytes]]:
     """Name of each picture to its title and its PNG."""
-    with _style.styled():
+    with look.styled():
         made: dict[str, tuple[str, Figure]] = {
             "trajectories": ("Trajectories: median, 5 to 95 %, and bounds (dashed)", _trajectories(plan, scores)),
             "returns": ("Returns: share of episodes below", _returns(scores)),
@@ -41,7 +41,7 @@ def _trajectories(plan: Plan, scores: Sequence[Score]) -> Figure:
     """A row for each observation and action; where a controller is far off, a second panel shows the others."""
     rows, left_out = _rows(plan, scores)
     far = [_far(bands) for _, _, bands, _ in rows]
-    figure = Figure(figsize=(_style.WIDTH, 0.5 + 1.5 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(look.WIDTH, 0.5 + 1.5 * len(rows)), layout="constrained")
     columns = 2 if any(far) else 1
     grid = figure.add_gridspec(len(rows), columns)
     shared: Any = None
@@ -52,16 +52,16 @@ def _trajectories(plan: Plan, scores: Sequence[Score]) -> Figure:
             shared = shared or axis
             _draw(axis, scores, bands, hidden)
             _bounds(axis, bounds)
-            _style.heading(axis, name, unit, note)
-            _style.ticks_of(axis)
+            look.heading(axis, name, unit, note)
+            look.ticks_of(axis)
             if i == len(rows) - 1:
-                axis.set_xlabel(f"time [{_style.typeset(plan.task.model.time_unit)}]")
+                axis.set_xlabel(f"time [{look.typeset(plan.task.model.time_unit)}]")
             else:
                 axis.tick_params(labelbottom=False)
-    _style.legend(figure, figure.axes[0])
+    look.legend(figure, figure.axes[0])
     if left_out:
         figure.supxlabel(
-            f"Not shown ({len(left_out)}): {', '.join(left_out)}", x=0.01, ha="left", fontsize=7.5, color=_style.GREY
+            f"Not shown ({len(left_out)}): {', '.join(left_out)}", x=0.01, ha="left", fontsize=7.5, color=look.GREY
         )
     return figure
 
@@ -124,8 +124,8 @@ def _draw(axis: Any, scores: Sequence[Score], bands: _Bands, hidden: set[int]) -
         if band is None or i in hidden:
             continue
         times, low, middle, high = band
-        axis.plot(times, middle, label=score.name, color=_style.colour(i), linestyle=_style.dashes(i))
-        axis.fill_between(times, low, high, alpha=0.18, color=_style.colour(i), linewidth=0)
+        axis.plot(times, middle, label=score.name, color=look.colour(i), linestyle=look.dashes(i))
+        axis.fill_between(times, low, high, alpha=0.18, color=look.colour(i), linewidth=0)
 
 
 def _bounds(axis: Any, bounds: tuple[float, float]) -> None:
@@ -134,44 +134,44 @@ def _bounds(axis: Any, bounds: tuple[float, float]) -> None:
     reach = 0.5 * (top - bottom)
     for bound, align in zip(bounds, ("bottom", "top"), strict=True):
         if np.isfinite(bound) and bottom - reach <= bound <= top + reach:
-            axis.axhline(bound, **_style.BOUND)
+            axis.axhline(bound, **look.BOUND)
             place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": align, "ha": "right"}
             offset = (-3, 2 if align == "bottom" else -2)
-            axis.annotate(_style.number(bound), (1, bound), offset, color=_style.INK, fontsize=7, **place)
+            axis.annotate(look.number(bound), (1, bound), offset, color=look.INK, fontsize=7, **place)
 
 
 def _returns(scores: Sequence[Score]) -> Figure:
-    figure = Figure(figsize=(_style.WIDTH, 3.2), layout="constrained")
+    figure = Figure(figsize=(look.WIDTH, 3.2), layout="constrained")
     axis = figure.subplots()
     for i, score in enumerate(scores):
         values = np.sort(score.returns)
         (line,) = axis.step(values, np.arange(1, len(values) + 1) / len(values), where="post", label=score.name)
-        line.set(color=_style.colour(i), linestyle=_style.dashes(i))
-    _style.widen(axis.set_xscale, [float(value) for score in scores for value in score.returns], 3)
+        line.set(color=look.colour(i), linestyle=look.dashes(i))
+    look.widen(axis.set_xscale, [float(value) for score in scores for value in score.returns], 3)
     axis.set_xlabel("return")
     axis.set_ylabel("share of episodes")
-    _style.ticks_of(axis)
-    _style.legend(figure, axis)
+    look.ticks_of(axis)
+    look.legend(figure, axis)
     return figure
 
 
 def _violations(scores: Sequence[Score]) -> Figure:
     names = list(scores[0].summaries[0].violations)
     means = [[float(np.mean([one.violations[name] for one in score.summaries])) for name in names] for score in scores]
-    figure = Figure(figsize=(_style.WIDTH, 0.9 + 0.35 * len(names)), layout="constrained")
+    figure = Figure(figsize=(look.WIDTH, 0.9 + 0.35 * len(names)), layout="constrained")
     axis = figure.subplots()
     height = 0.8 / len(scores)
     for number, (score, values) in enumerate(zip(scores, means, strict=True)):
         place = np.arange(len(names)) + number * height
-        axis.barh(place, values, height, label=score.name, color=_style.colour(number))
+        axis.barh(place, values, height, label=score.name, color=look.colour(number))
     axis.set_yticks(np.arange(len(names)) + 0.4 - height / 2, names)
     axis.invert_yaxis()
     axis.grid(axis="x")
     axis.grid(visible=False, axis="y")
     positive = [value for values in means for value in values if value > 0]
-    _style.widen(axis.set_xscale, positive, 3)
+    look.widen(axis.set_xscale, positive, 3)
     axis.set_xlabel("violation of an episode, of the range")
-    _style.legend(figure, axis)
+    look.legend(figure, axis)
     return figure
 
 
@@ -182,21 +182,21 @@ def _starts(plan: Plan, scores: Sequence[Score]) -> Figure:
     x, y = sorted(np.argsort(extent)[-2:])
     columns = min(len(scores) - 1, 3)
     rows = -(-(len(scores) - 1) // columns)
-    figure = Figure(figsize=(_style.WIDTH, 0.4 + 2.9 * rows), layout="constrained")
+    figure = Figure(figsize=(look.WIDTH, 0.4 + 2.9 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, max(columns, 2), squeeze=False)).ravel()
     names, units = plan.task.model.observation_names, plan.task.model.observation_units
     for axis, score in zip(axes, scores[1:], strict=False):
         difference = score.returns - scores[0].returns
         # The extreme tenth would hide all others.
         limit = float(np.quantile(np.abs(difference), 0.9)) or 1.0
-        style = {"s": 16, "cmap": _style.diverging(), "vmin": -limit, "vmax": limit}
+        style = {"s": 16, "cmap": look.diverging(), "vmin": -limit, "vmax": limit}
         drawn = axis.scatter(starts[:, x], starts[:, y], c=difference, edgecolors="#505050", linewidths=0.3, **style)
         bar = figure.colorbar(drawn, ax=axis, extend="both")
         bar.outline.set_visible(False)
         axis.set_title(score.name)
         axis.set_xlabel(_label(names[x], units[x]))
         axis.set_ylabel(_label(names[y], units[y]))
-        _style.ticks_of(axis)
+        look.ticks_of(axis)
     for axis in axes[len(scores) - 1 :]:
         axis.set_axis_off()
     return figure
@@ -209,7 +209,7 @@ def _actions(one: Episode) -> FloatArray:
 
 
 def _label(name: str, unit: str) -> str:
-    written = _style.typeset(unit)
+    written = look.typeset(unit)
     return f"{name} [{written}]" if written else name
 
 

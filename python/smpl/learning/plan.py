@@ -13,12 +13,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_number, check_within, elements
-from smpl.envs import Env, SeedError, check_seed
+from smpl.envs import Env
 from smpl.learning.agents import Agent, agent
 from smpl.learning.starts import Starts
 from smpl.loop import Job
 from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_count, as_number, check_within, elements
+from smpl.support.seeds import SeedError, check_seed
 from smpl.vector import VectorEnv
 
 # Arguments of the environment that a model is compiled with; the others belong to the environment.

@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from smpl import _style
-from smpl._optional import install
 from smpl.learning.plan import Plan
 from smpl.learning.scores import Score, compare
+from smpl.support import style as look
+from smpl.support.optional import install
 
 # Heading, key, and how a value is written.
 _COLUMNS = (
@@ -70,7 +70,7 @@ def table(report: Mapping[str, Any]) -> list[list[str]]:
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:
     """Rows for a terminal, with minus signs that other programs read."""
-    rows = [[_style.plain(cell) for cell in row] for row in rows]
+    rows = [[look.plain(cell) for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
@@ -137,7 +137,7 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], n
         for title, data in pictures.values()
     )
     style = (
-        f"body{{font:14px/1.5 {_style.FONTS};color:{_style.INK};max-width:72rem;margin:2rem auto;padding:0 1rem}}"
+        f"body{{font:14px/1.5 {look.FONTS};color:{look.INK};max-width:72rem;margin:2rem auto;padding:0 1rem}}"
         "h1{font-size:1.3rem;margin:0 0 .3rem}.note{color:#696969;font-size:.9em}.wide{overflow-x:auto}"
         "table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.88em}"
         "th,td{padding:.3rem .55rem;border-bottom:1px solid #e4e4e4;text-align:right;white-space:nowrap}"
@@ -188,14 +188,13 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
         for limit, excess in values["violations"].items():
             if excess > _MARK:
                 lines.append(
-                    f"- {name}: {limit} is exceeded by {_style.number(excess)} of its range an episode, "
-                    "summed over steps"
+                    f"- {name}: {limit} is exceeded by {look.number(excess)} of its range an episode, summed over steps"
                 )
     for name, values in report["comparisons"].items():
         what, key = ("regret of", "regret") if "regret" in values else ("return differs by", "difference")
-        ends = _style.interval(*values["regret_interval" if key == "regret" else "interval"])
+        ends = look.interval(*values["regret_interval" if key == "regret" else "interval"])
         lines.append(
-            f"- {name} against {values['baseline']}, episode by episode: {what} {_style.number(values[key])} "
+            f"- {name} against {values['baseline']}, episode by episode: {what} {look.number(values[key])} "
             f"({ends}), better in {100 * values['better']:.0f} % of the episodes"
         )
     return lines
@@ -208,13 +207,13 @@ def _cells(values: Mapping[str, Any]) -> list[str]:
         if value is None:
             cell = ""
         elif key == "latency_ms":
-            cell = _style.quantity(1e-3 * value, "s", 3)
+            cell = look.quantity(1e-3 * value, "s", 3)
         else:
-            cell = _style.number(value)
+            cell = look.number(value)
         if isinstance(more, list):
-            cell += f" ({_style.interval(*more)})"
+            cell += f" ({look.interval(*more)})"
         elif more is not None:
-            cell += f" ± {_style.number(more)}"
+            cell += f" ± {look.number(more)}"
         cells.append(cell)
     return cells
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import gymnasium
 
-from smpl._arguments import check_numbers
+from smpl.envs import Env
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.offline import needs
 from smpl.learning.plan import Task
 from smpl.policies import of_torchscript
+from smpl.support.arguments import check_numbers
 
 ID = "smpl/Formulated-v0"
 # Module and class of each configuration.
@@ -30,8 +31,6 @@ _CONFIGURATIONS = {
 
 def make(formulation: Mapping[str, Any], **arguments: Any) -> gymnasium.Env[Any, Any]:
     """One environment in a formulation; arguments as of `smpl.Env`."""
-    from smpl.envs import Env
-
     return Formulated(Env(**arguments), formulation)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count
 from smpl._native import SimulationError
 from smpl.episodes import Episode
 from smpl.learning.cluster import spread_on_ray
@@ -20,6 +19,7 @@ from smpl.learning.running import batched, run
 from smpl.learning.statistics import bootstrap, interquartile_mean, probability_of_improvement
 from smpl.learning.workers import spread
 from smpl.loop import Job, Settings
+from smpl.support.arguments import FloatArray, as_count
 
 # Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray, check_names
-from smpl._optional import load
+from smpl.datasets.layouts import initial_grid
 from smpl.envs import Env
+from smpl.support.arguments import FloatArray, check_names
+from smpl.support.optional import load
 
 # Kinds that are asked for by name, and how many numbers each takes.
 _KINDS = {"grid": 2, "unclipped_grid": 2, "spread": 1}
@@ -88,8 +89,6 @@ def _named(text: str, env: Env, episodes: int, seed: int) -> Starts:
     centre = _centre(env)
     low, high = env.model.native.bounds("state")
     if kind != "spread":
-        from smpl.datasets.layouts import initial_grid
-
         if points ** len(centre) > 10_000_000:
             raise ValueError(f"a grid of {points} values for {len(centre)} states has more than 10 million starts")
         box = (low, high) if kind == "grid" else (None, None)

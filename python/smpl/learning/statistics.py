@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray
+from smpl.support.arguments import FloatArray
 
 Statistic = Callable[[FloatArray], FloatArray]
 # Replicates of the bootstrap, and the most numbers that are drawn at a time.

@@ -12,11 +12,12 @@ from typing import Any
 
 import gymnasium
 
-from smpl._arguments import as_count
-from smpl._registry import ENVIRONMENTS
 from smpl.learning import configuration
-from smpl.learning.agents import agent, described, names
+from smpl.learning.agents import agent, described
+from smpl.learning.names import names
 from smpl.learning.plan import Task
+from smpl.registry import ENVIRONMENTS
+from smpl.support.arguments import as_count
 
 SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
 # Seeds of a run are apart from those of the next by more episodes than any budget has.

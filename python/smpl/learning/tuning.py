@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import as_count
-from smpl._clock import Clock
 from smpl._native import __version__
-from smpl._optional import load
 from smpl.learning import configuration
 from smpl.learning.learned import as_observed, trainer_of, validator, versions
 from smpl.learning.subjects import Run, runs
 from smpl.learning.training import learn
+from smpl.support.arguments import as_count
+from smpl.support.clock import Clock
+from smpl.support.optional import load
 
 # Seeds of the episodes that trials are scored on, and numbers of the trainings.
 TUNING, _NUMBERS = 700_000_000, 1000

@@ -12,13 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_mapping, as_number, as_numbers, check_names
+from smpl.analysis.rollout import Rollout, rollout
 from smpl.controllers.base import OpenLoop
 from smpl.controllers.names import operating_action
-from smpl.envs import Env, check_seed
+from smpl.envs import Env
 from smpl.model import Model
 from smpl.optimize.search import Search
-from smpl.rollout import Rollout, rollout
+from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number, as_numbers, check_names
+from smpl.support.seeds import check_seed
 
 SHAPES = ("hold", "linear")
 Make = Callable[[dict[str, FloatArray]], Any]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl import _style
-from smpl._arguments import FloatArray
-from smpl._optional import load
+from smpl.support import style
+from smpl.support.arguments import FloatArray
+from smpl.support.optional import load
 
 
 def search_figure(
@@ -34,17 +34,17 @@ def search_figure(
         ImportError: Matplotlib is missing.
     """
     figure_class = load("matplotlib.figure", "a picture of a search").Figure
-    with _style.styled():
+    with style.styled():
         rows = 1 + len(profiles)
-        figure = figure_class(figsize=(_style.WIDTH, 2.4 + 1.5 * len(profiles)), layout="constrained")
+        figure = figure_class(figsize=(style.WIDTH, 2.4 + 1.5 * len(profiles)), layout="constrained")
         axes = np.atleast_1d(figure.subplots(rows, 1, height_ratios=[2.4] + [1.5] * len(profiles)))
         count = np.arange(1, len(values) + 1)
         finite = np.isfinite(values)
         filled = np.where(finite, values, -np.inf if ascending else np.inf)
         best = np.maximum.accumulate(filled) if ascending else np.minimum.accumulate(filled)
-        axes[0].plot(count[finite], values[finite], ".", ms=3, color=_style.AXIS, label="evaluations")
+        axes[0].plot(count[finite], values[finite], ".", ms=3, color=style.AXIS, label="evaluations")
         axes[0].step(
-            count, np.where(np.isfinite(best), best, np.nan), where="post", color=_style.BLUE, label="best so far"
+            count, np.where(np.isfinite(best), best, np.nan), where="post", color=style.BLUE, label="best so far"
         )
         axes[0].set_ylabel(goal)
         axes[0].set_xlabel(what)
@@ -55,9 +55,9 @@ def search_figure(
         axes[0].set_ylim(min(ends) - room, max(ends) + room)
         axes[0].legend(loc="lower right" if ascending else "upper right")
         for axis, (label, instants, profile) in zip(axes[1:], profiles, strict=True):
-            axis.step(instants, profile, where="post", color=_style.VERMILION)
-            _style.heading(axis, label)
-            _style.ticks_of(axis)
+            axis.step(instants, profile, where="post", color=style.VERMILION)
+            style.heading(axis, label)
+            style.ticks_of(axis)
         if profiles:
             axes[-1].set_xlabel(time)
     return figure

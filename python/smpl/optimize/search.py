@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_count, as_numbers
-from smpl._clock import Clock
-from smpl._optional import load
-from smpl._searches import read_search
+from smpl.controllers.bayesian import BayesianOptimization
 from smpl.learning.progress import Progress
+from smpl.support.arguments import FloatArray, as_count, as_numbers
+from smpl.support.clock import Clock
+from smpl.support.optional import load
+from smpl.support.searches import read_search
 
 METHODS = ("cma", "differential_evolution", "bayes")
 Objective = Callable[[FloatArray], Any]
@@ -184,8 +185,6 @@ class Search:
         )  # fmt: skip
 
     def _bayes(self, evaluate: Objective) -> None:
-        from smpl.controllers.bayesian import BayesianOptimization
-
         batch = self._population or 2
         search = BayesianOptimization(self.low, self.high, names=self.names, batch=batch, seed=self._seed)
         if self._given:

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_count, as_mapping, as_number, check_names
-from smpl._clock import Clock
-from smpl._optional import load
 from smpl.model import Model, compile
+from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number, check_names
+from smpl.support.clock import Clock
+from smpl.support.optional import load
 
 Range = tuple[float | None, float | None]
 Limits = Mapping[str, Range | float]

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl._native import SimulationError
-from smpl._runs import Run
+from smpl.analysis.rollout import rollout
+from smpl.analysis.runs import Run
 from smpl.model import Model
-from smpl.rollout import rollout
+from smpl.support.arguments import FloatArray
 
 # Relative distance of differences.
 DISTANCE = 3e-4
@@ -44,7 +44,7 @@ class Recorded:
         outputs: names of observations or states that are compared.
         parameters, initial: names of what a point consists of.
         fixed: values of other parameters.
-        sensors: of the observation level, see `smpl.controllers.sensors`.
+        sensors: of the observation level, see `smpl.analysis.sensors`.
         method: of integration.
     """
 

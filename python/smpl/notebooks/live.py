@@ -12,7 +12,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smpl._files import is_shipped, model_path
+from smpl.support.files import is_shipped, model_path
 
 if TYPE_CHECKING:
     from smpl.model import Model
@@ -28,7 +28,7 @@ class Live:
     """
 
     def __init__(self, path: Path, port: int, browser: bool, folder: tempfile.TemporaryDirectory[str] | None) -> None:
-        command = [sys.executable, "-m", "smpl._cli", "live", str(path), "--port", str(port)]
+        command = [sys.executable, "-m", "smpl.commands.main", "live", str(path), "--port", str(port)]
         if not browser:
             command.append("--no-open")
         self._folder = folder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium
 
-from smpl._files import is_shipped
+from smpl.support.files import is_shipped
 
 # Name of the environment -> file of the model.
 ENVIRONMENTS = {

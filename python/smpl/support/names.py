@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from smpl import _native
@@ -55,3 +56,9 @@ class Named:
                 values = tuple(named.names(role) if kind == "names" else named.units(role))
             setattr(self, name, values)
             return values
+
+
+def listing(names: Iterable[str], units: Iterable[str], most: int = 40) -> str:
+    """Names with their units."""
+    shown = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    return ", ".join(shown[:most]) + (f", ... ({len(shown)} in all)" if len(shown) > most else "")

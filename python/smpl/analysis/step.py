@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from smpl.analysis.sensitivity import step
+
 if TYPE_CHECKING:
     from smpl.model import Model
 
@@ -47,6 +49,4 @@ class Step(float):
             ValueError: an unknown name, a wrong shape, no finite number.
             SimulationError: the step does not come to its end.
         """
-        from smpl.sensitivity import step
-
         return step(self.model, x, u, p, method=method, threads=threads, first_step=first_step)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_number, as_numbers, as_vector, check_names, expand_parameters
-from smpl.model import Model
+from smpl.support.arguments import FloatArray, as_number, as_numbers, as_vector, check_names, expand_parameters
+
+if TYPE_CHECKING:
+    from smpl.model import Model
 
 OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start", "disturbance_seed")
 _STARTS = ("sampled", "nominal", "steady")
@@ -21,8 +23,8 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
 
     Args:
         model: the model that the names belong to.
-        options: `state` (mapping from names of states, and of algebraic variables whose guesses it gives, or array in the
-            order of states), `discrete`, `parameters` (mappings; an
+        options: `state` (mapping from names of states, and of algebraic variables whose guesses it gives, or array in
+            the order of states), `discrete`, `parameters` (mappings; an
             array of parameters by its name, with one value or one for each element, or element by element),
             `disturbances` (name -> one value a step, or one number for all), `hold_disturbances` (the last value holds
             where a record has ended; otherwise a step beyond it is an error), `start` (`sampled`, `nominal` or

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from smpl._arguments import as_number
+from smpl.support.arguments import as_number
 
 
 def as_seconds(name: str, value: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl._optional import load
+from smpl.support.optional import load
 
 # The qualitative colours of Okabe and Ito (2008) without yellow, as in colour.rs.
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"

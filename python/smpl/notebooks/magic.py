@@ -11,7 +11,7 @@ from typing import Any
 from smpl import _native
 from smpl._native import CompileError, Diagnostic
 from smpl.model import compile
-from smpl.pictures import model_as_html
+from smpl.support.drawing import model_as_html
 
 # The file of findings in a text without one.
 _CELL = "<source>"

@@ -17,7 +17,7 @@ def check(folder: Path | None = None) -> None:
     Raises:
         ImportError: the folder has files of the distribution `smpl`; the message has the commands that separate them.
     """
-    folder = Path(__file__).parent if folder is None else folder
+    folder = Path(__file__).parents[1] if folder is None else folder
     if any((folder / name).is_file() for name in _MARKS):
         raise ImportError(
             f"{folder} holds files of the distribution `smpl`, a different project that also imports as `smpl`: "

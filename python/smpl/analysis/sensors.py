@@ -14,16 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from smpl import _native
-from smpl._arguments import FloatArray, as_mapping, as_number
-from smpl.controllers.base import TakesWrapped
-from smpl.controllers.names import listing
 from smpl.model import Model, scenario_file
+from smpl.support.arguments import FloatArray, as_mapping, as_number
+from smpl.support.names import listing
 
 IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Sensors(TakesWrapped):
+class Sensors:
     """Sensors of an observation level, in the order of `observation_names`.
 
     A sample is taken at every step that is a multiple of `every` and read `delay` steps later; the reading is held in

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from smpl import _style
-from smpl._arguments import FloatArray
-from smpl._optional import load
+from smpl.support import style
+from smpl.support.arguments import FloatArray
+from smpl.support.optional import load
 
 
 def fit_figure(
@@ -34,24 +34,24 @@ def fit_figure(
         ImportError: Matplotlib is missing.
     """
     figure_class = load("matplotlib.figure", "a picture of a fit").Figure
-    with _style.styled():
+    with style.styled():
         names = list(noise)
-        figure = figure_class(figsize=(_style.WIDTH, 0.7 + 1.8 * len(names)), layout="constrained")
+        figure = figure_class(figsize=(style.WIDTH, 0.7 + 1.8 * len(names)), layout="constrained")
         axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=[3, 2])
         for (left, right), name in zip(axes, names, strict=True):
             for number, (line, rest) in enumerate(zip(simulated, residuals, strict=True)):
-                instants, color = times[number], _style.colour(number)
+                instants, color = times[number], style.colour(number)
                 read = np.isfinite(rest[name])
                 left.plot(instants[read], (line[name] + rest[name])[read], ".", ms=4, color=color, alpha=0.5)
-                left.plot(instants, line[name], color=color, linestyle=_style.dashes(number), label=f"run {number}")
+                left.plot(instants, line[name], color=color, linestyle=style.dashes(number), label=f"run {number}")
                 right.plot(instants[read], rest[name][read] / noise[name], ".", ms=4, color=color)
-            _style.heading(left, name, units.get(name, "1"), "line: fit, points: readings")
+            style.heading(left, name, units.get(name, "1"), "line: fit, points: readings")
             right.axhspan(-1.96, 1.96, color="#efefef", zorder=0)
-            right.axhline(0.0, color=_style.AXIS, lw=0.8)
-            _style.heading(right, "residual / deviation", "", "band: 95 %")
+            right.axhline(0.0, color=style.AXIS, lw=0.8)
+            style.heading(right, "residual / deviation", "", "band: 95 %")
             for axis in (left, right):
-                _style.ticks_of(axis)
-        _style.legend(figure, axes[0, 0])
+                style.ticks_of(axis)
+        style.legend(figure, axes[0, 0])
         for axis in axes[-1]:
             axis.set_xlabel(time)
         # Ticks are laid out here, with the sizes that hold here.

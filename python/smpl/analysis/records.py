@@ -6,60 +6,24 @@ import csv
 import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from smpl._arguments import FloatArray
 from smpl._native import SimulationError, on_steps
-from smpl._optional import load
-from smpl.envs import Env, from_unit
+from smpl.analysis.runs import Run
+from smpl.analysis.sensors import sensors
+from smpl.envs import Env
 from smpl.episodes import Details
 from smpl.model import Model
+from smpl.support.arguments import FloatArray
+from smpl.support.optional import load
+from smpl.support.scaling import from_unit
 
 # Times within this part of a step are one time.
 _SAME = 1e-6
-
-
-@dataclass(frozen=True)
-class Run:
-    """One recorded run of H steps.
-
-    Attributes:
-        name: where it is from, for messages.
-        states: at the start, (states,); what the record has not is at the model's nominal start.
-        actions: (H, actions).
-        outputs: observations and states by name, (H + 1,), NaN where nothing was read.
-        discrete: discrete variables at the start.
-        disturbances: sequences by name, (H,).
-        parameters: known values.
-        assumed: states of which the record has no start.
-        instants: samples at times of their own: the step, from 0, and the share of it.
-        samples: outputs by name at these instants, NaN where nothing was read.
-    """
-
-    name: str
-    states: FloatArray
-    actions: FloatArray
-    outputs: dict[str, FloatArray]
-    discrete: dict[str, float]
-    disturbances: dict[str, FloatArray]
-    parameters: dict[str, float]
-    assumed: tuple[str, ...] = ()
-    instants: tuple[tuple[int, float], ...] = ()
-    samples: dict[str, FloatArray] = field(default_factory=dict)
-
-    def values(self, name: str) -> FloatArray:
-        """An output at the ends of the steps, then at the instants, (H + 1 + instants,)."""
-        missing = np.full(len(self.instants), np.nan)
-        return np.concatenate([self.outputs[name], self.samples.get(name, missing)])
-
-    def times(self, step: float) -> FloatArray:
-        """Times of these values for a sampling interval."""
-        within = [k + share for k, share in self.instants]
-        return step * np.concatenate([np.arange(len(self.actions) + 1), within])
 
 
 def read_runs(model: Model, runs: Any, resample: str = "hold") -> list[Run]:
@@ -78,7 +42,7 @@ def read_runs(model: Model, runs: Any, resample: str = "hold") -> list[Run]:
     found: list[Run] = []
     for place, run in enumerate([runs] if single else runs):
         if isinstance(run, (str, os.PathLike)) and (Path(run) / "dataset.json").is_file():
-            from smpl.datasets import load
+            from smpl.datasets import load  # needs pyarrow
 
             found += read_runs(model, load(run))
         else:
@@ -331,8 +295,6 @@ def _placed(
     model: Model, times: FloatArray, outputs: Mapping[str, FloatArray], steps: int
 ) -> tuple[dict[str, FloatArray], tuple[tuple[int, float], ...], dict[str, FloatArray]]:
     """Samples at the ends of steps, and those at instants of their own: within steps, or of rare or late sensors."""
-    from smpl.controllers.sensors import sensors
-
     declared = sensors(model)
     seen = model.observation_names
     plain = {name: name not in seen or (declared.every[i] == 1 and declared.delay[i] == 0)

@@ -15,6 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # The compiled module counts steps, threads and environments in 32 bits.
 COUNTS = 2**32
+METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
 # Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
 _NUMBERS = "fiub"
@@ -241,3 +242,25 @@ def pairs_of(argument: str, given: Mapping[str, float] | None, names: tuple[str,
     given = as_mapping(argument, given)
     check_names(argument, given, names)
     return [(names.index(name), as_finite_number(f"{argument}[{name!r}]", value)) for name, value in given.items()]
+
+
+def check_method(method: str | None) -> str | None:
+    """The name of a method of integration if it is one.
+
+    Raises:
+        ValueError: there is no such method.
+    """
+    if method is not None and method not in METHODS:
+        raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
+    return method
+
+
+def check_limit(max_steps: int | None) -> int | None:
+    """The time limit if it is one.
+
+    Raises:
+        ValueError: it is no positive integer.
+    """
+    if max_steps is None:
+        return None
+    return as_count("max_steps", max_steps, below=COUNTS)

@@ -1,6 +1,6 @@
 """`smpl fit MODEL --data RUN.csv --parameters k_0,U`: parameters from recorded runs.
 
-The function is `smpl.fit`, in the module `smpl.identification`.
+The function is `smpl.fit`, in the module `smpl.analysis.fitting`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import sys
 import warnings
 from pathlib import Path
 
-from smpl import CompileError, ScenarioError, SimulationError, compile
-from smpl.identification import DERIVATIVES, fit
+from smpl._native import CompileError, ScenarioError, SimulationError
+from smpl.analysis.fitting import DERIVATIVES, fit
+from smpl.model import compile
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,1 @@
+"""Trajectories, derivatives and fits of models: `smpl.Model` and `smpl.fit` call them."""

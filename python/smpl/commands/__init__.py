@@ -1,0 +1,1 @@
+"""The console script `smpl`, and what the commands of the package share."""

@@ -1,0 +1,36 @@
+"""The `smpl` command, as a console script."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+
+from smpl import _native
+from smpl.support.foreign import check
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: without the program's name; those of the process by default.
+    """
+    check()  # the `__init__` of another project may have replaced the one that does this
+    command = ["smpl", *(sys.argv[1:] if arguments is None else arguments)]
+    if command[1:2] == ["fit"]:  # done here, not by the compiled command
+        from smpl.commands.fit import main as fit
+
+        return fit(command[2:])
+    if threading.current_thread() is not threading.main_thread():
+        return _native.main(command)
+    # Ctrl-C ends the command at once, as it does without Python.
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        return _native.main(command)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""Notebooks: the live page and the cell magic."""
