@@ -32,7 +32,7 @@ pub use suggest::{did_you_mean, suggest};
 
 use crate::span::Span;
 
-/// How grave a diagnostic is.
+/// Severity of a diagnostic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -58,15 +58,15 @@ pub struct Label {
 pub struct Diagnostic {
     /// Stable identifier of the kind of fault.
     pub code: Code,
-    /// How grave it is.
+    /// Severity.
     pub severity: Severity,
     /// One sentence, without a full stop, that can stand alone.
     pub message: String,
-    /// Where the fault is.
+    /// Place of the fault.
     pub primary: Label,
     /// Other places that belong to the fault.
     pub secondary: Vec<Label>,
-    /// What to do.
+    /// Correction.
     pub help: Option<String>,
     /// Further facts.
     pub notes: Vec<String>,
@@ -151,7 +151,7 @@ impl Diagnostic {
         self
     }
 
-    /// Whether this is an error.
+    /// Returns `true` if this is an error.
     #[must_use]
     pub fn is_error(&self) -> bool {
         self.severity == Severity::Error

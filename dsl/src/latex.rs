@@ -34,7 +34,7 @@ pub fn expression(expr: &Expr) -> String {
     typeset(expr, Level::Or)
 }
 
-/// What indices run over; empty for none.
+/// Sets of indices; empty without indices.
 #[must_use]
 pub fn binders(binders: &[Binder]) -> String {
     binder_list(binders)
@@ -59,7 +59,7 @@ pub fn unit(unit: &UnitExpr) -> String {
     if product.is_empty() { "1".to_owned() } else { product }
 }
 
-/// How tightly an expression binds; one that binds less than its place needs gets parentheses.
+/// Binding strength of an expression; a weaker one than its place needs gets parentheses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Or,
@@ -201,7 +201,7 @@ fn reduction(function: &Ident, body: &Expr, binders: &[Binder], condition: Optio
     format!("{operator}_{{{}}} {}", below(binders, condition), typeset(body, Level::Product))
 }
 
-/// What a reduction runs over, and where.
+/// Sets of a reduction, and their condition.
 fn below(binders: &[Binder], condition: Option<&Expr>) -> String {
     match condition {
         Some(condition) => format!("\\substack{{{} \\\\ {}}}", binder_list(binders), expression(condition)),

@@ -24,14 +24,14 @@ pub(crate) const MAX_NESTING: usize = 200;
 /// Largest file in bytes.
 pub(crate) const MAX_BYTES: usize = 16 << 20;
 
-/// What the layout pass found.
+/// Result of the layout pass.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// The text with everything that carries no meaning blanked; as long as the original.
     pub(crate) text: String,
     /// The statements of the file.
     pub(crate) statements: Vec<RawStatement>,
-    /// Where comments stand, without the newline.
+    /// Places of comments, without the newline.
     pub(crate) comments: Vec<Range<usize>>,
     /// Faults of brackets, texts and characters.
     pub(crate) diagnostics: Faults,
@@ -57,7 +57,7 @@ pub(crate) struct RawBody {
     pub(crate) open: usize,
     /// One past the closing brace.
     pub(crate) close: usize,
-    /// What stands between.
+    /// Text in between.
     pub(crate) statements: Vec<RawStatement>,
 }
 

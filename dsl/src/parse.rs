@@ -39,7 +39,7 @@ mod grammar {
     pub(super) struct Grammar;
 }
 
-/// What parsing one file gives: the statements that could be read, and all faults found.
+/// Result of parsing one file: the statements that could be read, and all faults found.
 #[derive(Clone, Debug, Default)]
 pub struct Parsed {
     /// The syntax tree; statements at fault are left out.
@@ -49,7 +49,7 @@ pub struct Parsed {
 }
 
 impl Parsed {
-    /// Whether nothing was at fault.
+    /// Returns `true` if nothing was at fault.
     #[must_use]
     pub fn is_ok(&self) -> bool {
         self.diagnostics.is_empty()

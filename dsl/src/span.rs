@@ -18,7 +18,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// Whether the other span lies inside this one.
+    /// Returns `true` if the other span lies inside this one.
     #[must_use]
     pub fn contains(self, other: Span) -> bool {
         self.file == other.file && self.start <= other.start && other.end <= self.end

@@ -17,7 +17,7 @@ pub use visit::Form;
 pub struct Ident {
     /// The text of the name.
     pub text: String,
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
 }
 
@@ -33,7 +33,7 @@ pub struct File {
 pub struct Statement {
     /// From the first to the last character of the statement.
     pub span: Span,
-    /// What it says.
+    /// Content.
     pub kind: StatementKind,
 }
 
@@ -237,13 +237,13 @@ pub enum SetMembers {
 pub struct Binder {
     /// The index name; the set's own name where none is given.
     pub name: Ident,
-    /// What it runs over.
+    /// Set of its values.
     pub over: BinderSet,
     /// The whole binder.
     pub span: Span,
 }
 
-/// What a binder runs over.
+/// Set of the values of a binder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum BinderSet {
     /// `z`: the set or domain of that name
@@ -309,7 +309,7 @@ pub struct TimeTable {
     pub unit: Option<UnitExpr>,
     /// Unit of the times.
     pub time_unit: UnitExpr,
-    /// How values hold between the given times.
+    /// Validity of values between the given times.
     pub kind: TimeTableKind,
     /// Time and value.
     pub entries: Vec<(Expr, Expr)>,
@@ -317,7 +317,7 @@ pub struct TimeTable {
     pub text: Option<String>,
 }
 
-/// How a time table interpolates.
+/// Interpolation of a time table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TimeTableKind {
     /// `until`: a value holds up to and including its time.
@@ -377,7 +377,7 @@ pub struct Observation {
     pub name: Option<Ident>,
     /// Unit, where given.
     pub unit: Option<UnitExpr>,
-    /// What is observed.
+    /// Observed expression.
     pub value: Expr,
     /// Index list of an observation of many (`SEP.F_OR[i] for i in species`).
     pub binders: Vec<Binder>,
@@ -413,9 +413,9 @@ pub struct Phase {
 /// An expression.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Expr {
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
-    /// What it is.
+    /// Kind.
     pub kind: ExprKind,
 }
 
@@ -484,7 +484,7 @@ pub enum BinaryOp {
 /// A unit as written: a product of powers, `kJ/(kg K)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnitExpr {
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
     /// Factors with rational exponents, in the order of the text; empty for `1`.
     pub factors: Vec<UnitFactor>,

@@ -54,7 +54,7 @@ pub fn keywords() -> impl Iterator<Item = &'static str> {
     STATEMENTS.iter().map(|(word, _)| *word)
 }
 
-/// How a statement is formed, by an example.
+/// Form of a statement, as an example.
 #[must_use]
 pub fn form(keyword: &str) -> Option<&'static str> {
     STATEMENTS.iter().find(|(word, _)| *word == keyword)?.1
@@ -100,7 +100,7 @@ pub fn is_reserved(word: &str) -> bool {
 /// Words that mean something in one place only.
 const INSIDE: &[&str] = &["from", "linear", "bounds", "dt"];
 
-/// Whether the word has a meaning of its own somewhere in the language. A name may be one where it is no reserved word, but a writer of
+/// Returns `true` if the word has a meaning of its own somewhere in the language. A name may be one where it is no reserved word, but a writer of
 /// texts does better without. What is built in is not among them.
 #[must_use]
 pub fn is_word(name: &str) -> bool {

@@ -27,7 +27,7 @@ impl Code {
         self.id
     }
 
-    /// What the code means, in a line.
+    /// Meaning of the code, in one line.
     #[must_use]
     pub const fn explanation(self) -> &'static str {
         self.explanation

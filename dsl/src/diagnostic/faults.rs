@@ -39,25 +39,25 @@ impl Faults {
         other.kept.into_iter().for_each(|diagnostic| self.push(diagnostic));
     }
 
-    /// How many there are, those included that are only counted.
+    /// Number of diagnostics, including those that are only counted.
     #[must_use]
     pub fn len(&self) -> usize {
         self.kept.len() + self.more
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
 
-    /// Whether one more would be kept.
+    /// Returns `true` if one more would be kept.
     #[must_use]
     pub fn has_room(&self) -> bool {
         self.kept.len() < KEPT
     }
 
-    /// How many are only counted.
+    /// Number of diagnostics that are only counted.
     #[must_use]
     pub fn more(&self) -> usize {
         self.more

@@ -23,7 +23,7 @@ pub struct JsonDiagnostic<'a> {
     pub end_line: usize,
     /// Column one past the last character.
     pub end_column: usize,
-    /// What to do; `null` where nothing is known.
+    /// Correction; `null` if unknown.
     pub help: Option<&'a str>,
     /// Further facts.
     pub notes: &'a [String],
@@ -34,7 +34,7 @@ pub struct JsonDiagnostic<'a> {
 /// Another place that belongs to a diagnostic.
 #[derive(Clone, Debug, Serialize)]
 pub struct JsonPlace<'a> {
-    /// What is there; may be empty.
+    /// Description of the place; may be empty.
     pub message: &'a str,
     /// Name of the file.
     pub file: &'a str,

@@ -70,7 +70,7 @@ impl SourceMap {
         self.files.len()
     }
 
-    /// Whether there is no file.
+    /// Returns `true` if there is no file.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.files.is_empty()

@@ -11,7 +11,7 @@ const WIDEST: usize = 72;
 /// Lines whose names differ more in length are not aligned.
 const SPREAD: usize = 12;
 
-/// What stands between two line ends.
+/// Content between two line ends.
 pub(super) enum Row {
     /// An empty line.
     Blank,
@@ -126,7 +126,7 @@ pub(super) fn align(rows: Vec<Row>) -> Vec<String> {
     lines
 }
 
-/// Whether a line is aligned with the group before it.
+/// Returns `true` if a line is aligned with the group before it.
 fn joins(group: &[Line], line: &Line) -> bool {
     let Some(last) = group.last() else { return true };
     let lengths = || group.iter().chain([line]).filter_map(|line| line.cells.first()).map(|cell| cell.text.chars().count());
@@ -236,12 +236,12 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
     Cell { slot, text: render::inline(tokens), gaps }
 }
 
-/// Whether something that a clause may follow ends here: behind an operator its word is a name.
+/// Returns `true` if something that a clause may follow ends here: behind an operator its word is a name.
 fn ends_operand(token: &Token<'_>) -> bool {
     matches!(token.kind, Kind::Word | Kind::Number | Kind::Text) || matches!(token.text, ")" | "]" | "}")
 }
 
-/// Where the clause `for` begins that belongs to the whole statement.
+/// Start of the clause `for` of the whole statement.
 fn clause(tokens: &[Token<'_>]) -> Option<usize> {
     let mut depth = 0_usize;
     tokens.iter().position(|token| {

@@ -10,7 +10,7 @@ struct Open {
     content: usize,
     /// Indentation of the line on which it stands.
     indent: usize,
-    /// Whether the line ends right behind it.
+    /// True if the line ends right behind it.
     hanging: bool,
 }
 
@@ -46,7 +46,7 @@ pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<
     writer.lines
 }
 
-/// Whether a statement has entries in braces, and they stand on several lines.
+/// Returns `true` if a statement has entries in braces, and they stand on several lines.
 fn has_entries_on_lines(tokens: &[Token<'_>]) -> bool {
     let keyword = tokens.first().map_or("", |token| token.text);
     let inside = tokens.iter().skip_while(|token| token.text != "{");
@@ -84,12 +84,12 @@ impl Writer {
         }
     }
 
-    /// Whether a token begins the describing text or the clause `for` of the whole statement, behind its continued lines.
+    /// Returns `true` if a token begins the describing text or the clause `for` of the whole statement, behind its continued lines.
     fn ends_statement(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
         self.open.is_empty() && (token.kind == Kind::Text && previous.text != "named" || token.kind == Kind::Word && token.text == "for")
     }
 
-    /// Whether a line ends inside the braces of entries that stand on several lines: behind `{` and before `}`.
+    /// Returns `true` if a line ends inside the braces of entries that stand on several lines: behind `{` and before `}`.
     fn opens_up(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
         let symbol = |token: &Token<'_>, text| token.kind == Kind::Symbol && token.text == text;
         self.entries

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::words::{is_reserved, number, word};
 
-/// What a token is, as far as blanks depend on it.
+/// Kind of a token, as far as blanks depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Word,
@@ -87,7 +87,7 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
     }
 }
 
-/// Whether an operand must follow the token; a word that may be a name or a keyword does where the author wrote `at -1`.
+/// Returns `true` if an operand must follow the token; a word that may be a name or a keyword does where the author wrote `at -1`.
 fn opens_expression(token: &Token<'_>, attached: bool) -> bool {
     match token.kind {
         Kind::Word if BEFORE_EXPRESSION.contains(&token.text) => attached,
@@ -98,7 +98,7 @@ fn opens_expression(token: &Token<'_>, attached: bool) -> bool {
     }
 }
 
-/// Whether a blank stands between two tokens of one line.
+/// Returns `true` if a blank stands between two tokens of one line.
 pub(super) fn spaced(previous: &Token<'_>, next: &Token<'_>, label_colon: bool) -> bool {
     match (previous.text, next.text) {
         (_, "," | ")" | "]" | "." | ".." | "^") | ("(" | "[" | "." | ".." | "^", _) => false,

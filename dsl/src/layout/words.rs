@@ -1,18 +1,18 @@
-//! What the layout of a text depends on of its words.
+//! Words on which the layout of a text depends.
 
 use crate::words::{CLAUSES, is_reserved, keywords};
 
-/// Whether statements that begin with this word hold statements in braces.
+/// Returns `true` if statements that begin with this word hold statements in braces.
 pub(crate) fn has_block(keyword: &str) -> bool {
     matches!(keyword, "component" | "at" | "variant" | "when" | "level" | "phase" | "test")
 }
 
-/// Whether a line cannot end after this word.
+/// Returns `true` if a line cannot end after this word.
 pub(super) fn continues_line(word: &str) -> bool {
     is_reserved(word) && !matches!(word, "true" | "false")
 }
 
-/// Whether a line that begins so goes on with the statement of the line before.
+/// Returns `true` if a line that begins so goes on with the statement of the line before.
 pub(super) fn continues_statement(line: &str) -> bool {
     match line.as_bytes() {
         [b'+' | b'-' | b'*' | b'/' | b'^' | b'<' | b'>' | b'=' | b'|' | b'~' | b'"', ..] => true,
@@ -21,7 +21,7 @@ pub(super) fn continues_statement(line: &str) -> bool {
     }
 }
 
-/// Whether a line begins as only a statement does: a keyword, then another word, a block or a path.
+/// Returns `true` if a line begins as only a statement does: a keyword, then another word, a block or a path.
 pub(super) fn begins_statement(line: &str) -> bool {
     let keyword = leading_word(line);
     if keywords().all(|word| word != keyword) {
@@ -43,7 +43,7 @@ pub(super) fn leading_word(line: &str) -> &str {
     &line[..length]
 }
 
-/// What to write in place of a character that the language does not use.
+/// Replacement of a character that the language does not use.
 pub(super) fn character_help(character: char, after: &str) -> String {
     let instead = match character {
         '\u{b0}' if after.starts_with('K') => "write `K`: the kelvin has no degree sign",

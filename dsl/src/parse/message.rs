@@ -94,7 +94,7 @@ fn rate_by_name(text: &str) -> Option<&str> {
     (apart && variable.len() > 1 && variable.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')).then_some(variable)
 }
 
-/// Whether a text has an `if .. then` without its `else`.
+/// Returns `true` if a text has an `if .. then` without its `else`.
 fn lacks_else(text: &str) -> bool {
     let words = || text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
     let count = |word: &str| words().filter(|w| *w == word).count();
@@ -123,7 +123,7 @@ fn shown(token: &str) -> String {
     }
 }
 
-/// What could have stood there, in at most a few words.
+/// Expected tokens, in at most a few words.
 fn expectation(error: &Error<Rule>) -> String {
     let ErrorVariant::ParsingError { positives, .. } = &error.variant else { return "something else".to_owned() };
     let mut phrases: Vec<&str> = Vec::new();
@@ -213,12 +213,12 @@ fn last_number(text: &str) -> &str {
     &text[start..]
 }
 
-/// What stands in the parentheses that a text begins with.
+/// Content of the parentheses that a text begins with.
 fn inside(text: &str) -> &str {
     text.strip_prefix('(').and_then(|rest| rest.split_once(')')).map_or("", |(inside, _)| inside.trim())
 }
 
-/// Whether a number and a comma stand before.
+/// Returns `true` if a number and a comma stand before.
 fn ends_in_decimal_comma(before: &str) -> bool {
     before.strip_suffix(',').is_some_and(|number| number.ends_with(|c: char| c.is_ascii_digit()))
 }
@@ -229,7 +229,7 @@ fn is_rate_slip(before: &str, after: &str) -> bool {
     before == "d" && after.contains("/dt")
 }
 
-/// What to say of a line that begins with no keyword.
+/// Message for a line that does not begin with a keyword.
 pub(super) fn statement_hint(word: &str, text: &str, around: &str) -> Option<String> {
     let rest = text[word.len()..].trim_start();
     if around == "at" && !word.is_empty() && text.contains('=') {

@@ -8,7 +8,7 @@ use crate::span::{FileId, Span, span};
 use crate::syntax::Ident;
 use crate::words::is_reserved;
 
-/// What lowering needs to know about the statement at hand.
+/// Properties of the present statement for lowering.
 pub(super) struct Context<'t> {
     pub(super) file: FileId,
     /// Byte of the file at which the parsed text begins.

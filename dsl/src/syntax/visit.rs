@@ -1,4 +1,4 @@
-//! What an expression is made of, visited and compared in one place.
+//! Visitors and comparison of the parts of expressions.
 
 use std::mem::{Discriminant, discriminant};
 
@@ -33,7 +33,7 @@ impl Expr {
         }
     }
 
-    /// Whether a name stands anywhere inside.
+    /// Returns `true` if a name stands anywhere inside.
     #[must_use]
     pub fn mentions(&self, name: &str) -> bool {
         let mut found = false;
@@ -64,7 +64,7 @@ impl UnitExpr {
     }
 }
 
-/// What expressions say, without their places: two are equal where they say the same in the same words.
+/// Expressions without their places: two are equal if they have the same words.
 ///
 /// Names that binders give to their indices do not count: `sum(v[i] for i in s)` equals `sum(v[j] for j in s)`. Units, ranges and
 /// conditions do, as they are written: `1 [m]` differs from `100 [cm]`, and `a + b` from `b + a`.

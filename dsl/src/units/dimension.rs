@@ -59,7 +59,7 @@ impl Dimension {
         &self.exponents
     }
 
-    /// Whether this is the dimension of a number.
+    /// Returns `true` if this is the dimension of a number.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::NONE
@@ -93,7 +93,7 @@ impl Dimension {
         Some(power)
     }
 
-    /// Whether one is a power of the other, as a volume is of a length.
+    /// Returns `true` if one is a power of the other, as a volume is of a length.
     #[must_use]
     pub fn is_power_of(&self, other: &Self) -> bool {
         let of = |name: &Arc<str>| other.own.iter().find(|(known, _)| known == name).map_or(Rational::ZERO, |(_, exponent)| *exponent);

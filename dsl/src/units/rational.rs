@@ -53,7 +53,7 @@ impl Rational {
         self.denominator
     }
 
-    /// Whether this is 0.
+    /// Returns `true` if this is 0.
     #[must_use]
     pub const fn is_zero(self) -> bool {
         self.numerator == 0

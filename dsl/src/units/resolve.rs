@@ -53,7 +53,7 @@ fn overflow(span: Span) -> Diagnostic {
 /// Longer symbols are no slip of the pen.
 const LONGEST: usize = 32;
 
-/// What an unknown symbol was probably meant to be.
+/// Probable intention of an unknown symbol.
 fn meant(symbol: &str) -> Option<String> {
     if let Some((_, known)) = table::SYNONYMS.iter().find(|(other, _)| *other == symbol) {
         return Some(format!("did you mean `{known}`?"));

@@ -67,7 +67,7 @@ impl Scale {
         exact.map_or_else(|| Self::inexact(self.value.powf(exponent.to_f64())), Self::exact)
     }
 
-    /// Whether the factor is finite and positive.
+    /// Returns `true` if the factor is finite and positive.
     #[must_use]
     pub(crate) fn is_valid(self) -> bool {
         self.value.is_finite() && self.value > 0.0

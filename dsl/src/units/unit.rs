@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 
 use super::{Dimension, Rational, Scale, dimension, table};
 
-/// What a number in a unit measures from.
+/// Zero point of a number in a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitKind {
     /// From nothing: twice the number is twice the quantity.
@@ -21,7 +21,7 @@ pub enum UnitKind {
 #[derive(Clone, Debug)]
 pub struct Unit(Arc<Meaning>);
 
-/// What a unit means and how it is written.
+/// Meaning and notation of a unit.
 #[derive(Clone, Debug)]
 struct Meaning {
     dimension: Dimension,
@@ -31,7 +31,7 @@ struct Meaning {
     factors: Vec<Factor>,
     /// Whether it stands in a text, and did not come about by arithmetic.
     written: bool,
-    /// Whether its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
+    /// True if its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
     between_points: bool,
 }
 
@@ -83,7 +83,7 @@ impl Unit {
         if self.0.written { self.clone() } else { Self(Arc::new(Meaning { written: true, ..(*self.0).clone() })) }
     }
 
-    /// Whether numbers in this unit count something that nobody named: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
+    /// Returns `true` if numbers in this unit count something that nobody named: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
     #[must_use]
     pub fn is_unnamed(&self) -> bool {
         let factors = &self.0.factors;
@@ -147,31 +147,31 @@ impl Unit {
         self.0.scale
     }
 
-    /// What a number in this unit measures from.
+    /// Zero point of a number in this unit.
     #[must_use]
     pub fn kind(&self) -> UnitKind {
         self.0.kind
     }
 
-    /// Whether numbers in this unit are points on a temperature scale.
+    /// Returns `true` if numbers in this unit are points on a temperature scale.
     #[must_use]
     pub fn is_point(&self) -> bool {
         matches!(self.0.kind, UnitKind::Point { .. })
     }
 
-    /// Whether this is the unit of numbers: no dimension and size 1.
+    /// Returns `true` if this is the unit of numbers: no dimension and size 1.
     #[must_use]
     pub fn is_one(&self) -> bool {
         self.0.dimension.is_none() && self.0.scale == Scale::ONE && !self.is_point()
     }
 
-    /// Whether two units measure the same kind of thing.
+    /// Returns `true` if two units measure the same kind of thing.
     #[must_use]
     pub fn commensurable(&self, other: &Self) -> bool {
         self.is_same(other) || self.0.dimension == other.0.dimension
     }
 
-    /// Whether both are one object.
+    /// Returns `true` if both are one object.
     fn is_same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
@@ -192,7 +192,7 @@ impl Unit {
         Self(Arc::new(Meaning { kind: UnitKind::Linear, factors, between_points: true, ..(*self.0).clone() }))
     }
 
-    /// Whether its temperature is known to be a difference of two points on a scale.
+    /// Returns `true` if its temperature is known to be a difference of two points on a scale.
     #[must_use]
     pub fn is_between_points(&self) -> bool {
         self.0.between_points

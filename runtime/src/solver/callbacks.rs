@@ -1,4 +1,5 @@
-//! What IDA calls back: the system's functions, the error weights, the linear solver and the message handler.
+//! Callbacks of IDA: the system's functions, the error weights, the linear solver and the message
+//! handler.
 //!
 //! All of them find their data in one [`Bridge`], whose address IDA holds as user data. No panic leaves a callback (it
 //! would end the process); it is caught, noted and returned as a failure.
@@ -39,7 +40,7 @@ const MEMORY: u32 = 10;
 /// Steps in a row at the roundoff of time after which the integration is given up.
 const TINY_STEPS: u32 = 20;
 
-/// What went wrong in a callback.
+/// Failure of a callback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Trouble {
     /// This row of the residual is not finite.
@@ -58,7 +59,7 @@ pub(crate) enum Trouble {
     Interrupted,
 }
 
-/// What is solved, while it is lent.
+/// The lent system.
 #[derive(Default)]
 struct Lender {
     system: Option<NonNull<dyn System>>,
@@ -93,13 +94,13 @@ struct Steps {
     last: f64,
 }
 
-/// What the callbacks work with.
+/// Data of the callbacks.
 pub(crate) struct Bridge {
     lender: Lender,
     /// IDA's, where there is one.
     memory: Option<Inquiry>,
     pub operations: Operations,
-    /// What IDA's vectors know of each other.
+    /// Shared data of IDA's vectors.
     pub shared: Rc<Shared>,
     tolerances: Tolerances,
     /// Entries of the Newton matrix.
@@ -216,12 +217,12 @@ impl Bridge {
         self.guarded(|system| system.following(at, s, out))
     }
 
-    /// What moves them, see [`System::moving`].
+    /// Quantities that move them, see [`System::moving`].
     pub(super) fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.moving(at, rates))
     }
 
-    /// Whether an integrand reads derivatives of the unknowns.
+    /// Returns `true` if an integrand reads derivatives of the unknowns.
     pub(super) fn integrands_read_rates(&mut self) -> Result<bool, c_int> {
         let mut reads = false;
         self.guarded(|system| reads = system.integrands_read_rates())?;
@@ -239,7 +240,7 @@ impl Bridge {
         self.guarded(|system| system.following_integrands(t, (y.entries(), yp.entries()), s, out))
     }
 
-    /// Whether a residual is finite; notes the trouble if it is not.
+    /// Returns `true` if a residual is finite; notes the trouble if it is not.
     pub(super) fn is_finite(&mut self, time: f64, residual: &Content) -> bool {
         if self.operations.all_finite(residual.blocks()) {
             return true;
@@ -398,7 +399,7 @@ impl Bridge {
         !self.watch.has_loose(f64::INFINITY) && self.history.as_deref().is_some_and(holds)
     }
 
-    /// Whether nothing can happen in a box that reaches beyond the last step.
+    /// Returns `true` if nothing can happen in a box that reaches beyond the last step.
     fn is_safe_beyond(&mut self, history: &mut History, step: (f64, f64)) -> Result<bool, c_int> {
         let History { safe, unknowns, least, most, .. } = history;
         let Some((span, least, most)) = safe.beyond(step, unknowns, (least, most)) else { return Ok(false) };

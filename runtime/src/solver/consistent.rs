@@ -1,4 +1,5 @@
-//! Where an integration begins: consistent values, derivatives and the first step of an explicit system.
+//! Start of an integration: consistent values, derivatives and the first step of an explicit
+//! system.
 //!
 //! With y the differential and z the algebraic unknowns of y' = f(t, y, z), 0 = g(t, y, z):
 //!
@@ -22,7 +23,8 @@ const MAX_ITERATIONS: u32 = 400;
 /// A correction below this many tolerances is the last: the next one would be its square.
 const LAST_CORRECTION: f64 = 1e-3;
 
-/// What rounding leaves of corrections, relative to the unknowns: where tolerances are so tight, they do not get smaller; in tolerances, at most.
+/// Rounding level of corrections, relative to the unknowns: with tolerances as tight as this they
+/// do not get smaller; in tolerances, at most.
 const ROUNDING: f64 = 100.0 * f64::EPSILON;
 const MOST_ROUNDING: f64 = 0.1;
 
@@ -30,7 +32,7 @@ const MOST_ROUNDING: f64 = 0.1;
 const SMALL_CORRECTION: f64 = 1.0;
 const CONTRACTION: f64 = 0.25;
 
-/// What is left where an advance ends, in tolerances.
+/// Remaining correction at the end of an advance, in tolerances.
 const FINAL_CORRECTION: f64 = 1e-6;
 
 /// A correction that is nothing though the factors were wrong by a million times; also what rounding leaves.
@@ -42,7 +44,7 @@ const MIN_DAMPING: f64 = 1e-15;
 /// A first step is looked at before it is taken if it is longer than this part of what it may be at most.
 const LONG: f64 = 0.25;
 
-/// What moves by fewer tolerances than this in a first step rests.
+/// Unknowns that move by fewer tolerances than this in a first step are at rest.
 const AT_REST: f64 = 1e-3;
 
 /// Parts of a first step at which the rates are looked at; no simple fractions, since a period might be one.
@@ -51,7 +53,7 @@ const LOOKS: [f64; 8] = [0.031, 0.107, 0.229, 0.353, 0.491, 0.617, 0.773, 0.911]
 /// A solution that moves by more than this part of a range from inside of the bounds to outside of them is another branch.
 pub(crate) const JUMP: f64 = 0.1;
 
-/// Why no consistent state was found.
+/// Reason why no consistent state was found.
 pub(crate) enum Inconsistent {
     /// A callback failed; the bridge knows how.
     Callback,
@@ -75,7 +77,7 @@ pub(crate) struct Start<'a> {
     pub quadratures: Option<&'a mut Integrals>,
 }
 
-/// Where a step ends.
+/// End of a step.
 pub(crate) struct End<'a> {
     pub t: f64,
     pub y: &'a mut Vector,
@@ -158,7 +160,7 @@ impl Consistent {
         })
     }
 
-    /// Whether there are unknowns to be solved for.
+    /// Returns `true` if there are unknowns to be solved for.
     pub(super) fn has_algebraic(&self) -> bool {
         !self.algebraic.is_empty()
     }
@@ -473,12 +475,12 @@ impl Consistent {
     }
 }
 
-/// What rounding leaves of corrections, in tolerances.
+/// Rounding level of corrections, in tolerances.
 fn rounding(bridge: &Bridge) -> f64 {
     bridge.in_tolerances(ROUNDING).min(MOST_ROUNDING)
 }
 
-/// Where an entry is largest in tolerances; one that is no number is larger than all.
+/// Index of the largest entry in tolerances; NaN is larger than all others.
 pub(crate) fn largest(entries: &[f64], weights: &[f64]) -> Option<usize> {
     let sizes = entries.iter().zip(weights).map(|(x, w)| (x * w).abs());
     let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };

@@ -1,4 +1,4 @@
-//! Why an integration failed.
+//! Reason why an integration failed.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use super::{Method, PatternError};
 pub struct IdaFlag {
     /// The constant `IDA_...`, negative.
     pub value: i32,
-    /// What IDA said; empty when it said nothing.
+    /// Message of IDA; may be empty.
     pub message: String,
 }
 
@@ -25,7 +25,7 @@ impl fmt::Display for IdaFlag {
     }
 }
 
-/// Why an integration failed. Times are in the model's unit; rows and unknowns count from 0.
+/// Reason why an integration failed. Times are in the model's unit; rows and unknowns count from 0.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SolveError {
     /// The step limit was reached.
@@ -55,7 +55,7 @@ pub enum SolveError {
     ErrorTestFailures {
         /// Last time reached.
         time: f64,
-        /// What IDA returned.
+        /// Return value of IDA.
         flag: IdaFlag,
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
@@ -65,7 +65,7 @@ pub enum SolveError {
     ConvergenceFailures {
         /// Last time reached.
         time: f64,
-        /// What IDA returned.
+        /// Return value of IDA.
         flag: IdaFlag,
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
@@ -73,7 +73,7 @@ pub enum SolveError {
     /// An equation is not finite where the solution leads.
     #[error("equation {row} is not finite at t = {time}")]
     NotFinite {
-        /// Where it was evaluated.
+        /// Time of the evaluation.
         time: f64,
         /// First row that is not finite.
         row: usize,
@@ -81,7 +81,7 @@ pub enum SolveError {
     /// The Jacobian has an entry that is not finite.
     #[error("the Jacobian has an entry that is not finite at t = {time}, row {row}, column {column}")]
     JacobianNotFinite {
-        /// Where it was evaluated.
+        /// Time of the evaluation.
         time: f64,
         /// Row of the first such entry.
         row: usize,
@@ -91,7 +91,7 @@ pub enum SolveError {
     /// The Newton matrix is singular.
     #[error("the Jacobian is singular at t = {time}{}", column.map_or(String::new(), |c| format!(", unknown {c}")))]
     SingularJacobian {
-        /// Where it was evaluated.
+        /// Time of the evaluation.
         time: f64,
         /// The unknown without a pivot, where known.
         column: Option<usize>,
@@ -113,7 +113,7 @@ pub enum SolveError {
     ImplicitInitialConditions {
         /// Time of the restart.
         time: f64,
-        /// What IDA returned.
+        /// Return value of IDA.
         flag: IdaFlag,
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
@@ -151,13 +151,13 @@ pub enum SolveError {
     Other {
         /// Last time reached.
         time: f64,
-        /// What IDA returned.
+        /// Return value of IDA.
         flag: IdaFlag,
     },
     /// An array has the wrong length.
     #[error("{name} has {given} entries in place of {expected}")]
     Length {
-        /// Which array.
+        /// Name of the array.
         name: &'static str,
         /// Its length.
         given: usize,
@@ -178,7 +178,7 @@ pub enum SolveError {
     /// A method that takes systems only that are explicit in their derivatives.
     #[error("method `{method}` takes models only that are explicit in their derivatives: use `ida`")]
     Implicit {
-        /// Which one.
+        /// Name.
         method: Method,
     },
     /// The explicit method takes no algebraic unknowns.
@@ -192,7 +192,7 @@ pub enum SolveError {
     /// A setting is out of its range.
     #[error("solver setting: {message}")]
     Settings {
-        /// What should hold.
+        /// Violated requirement.
         message: &'static str,
     },
     /// The pattern of a Jacobian is not what it should be.
@@ -209,7 +209,7 @@ pub enum SolveError {
     Setup {
         /// The function that failed.
         function: &'static str,
-        /// What it returned.
+        /// Return value.
         flag: IdaFlag,
     },
 }

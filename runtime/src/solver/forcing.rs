@@ -1,4 +1,4 @@
-//! What time alone moves, looked at all over an interval before it is integrated.
+//! Terms that depend on time alone, sampled over an interval before it is integrated.
 //!
 //! An error test compares rates at the ends of steps. A forcing that begins and ends an interval alike, a day's light in a step of a day, is
 //! passed over by a step as long as the interval, and by steps that have grown in the night. Therefore everything that time moves is
@@ -34,7 +34,7 @@ const STEPS_OF_A_TURN: f64 = 3.236_067_977_499_8;
 /// First step in parts of the longest one, so that steps of different lengths meet the forcing.
 const FIRST_STEP: f64 = 0.125;
 
-/// How the forcings run over an interval.
+/// Course of the forcings over an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Course {
     /// None changes.
@@ -104,7 +104,7 @@ impl Forcing {
         Self { basis: basis(), samples: vec![0.0; count * POINTS].into(), ways: vec![Way::default(); count].into() }
     }
 
-    /// Whether there is anything to look at.
+    /// Returns `true` if there is anything to look at.
     pub(super) fn is_empty(&self) -> bool {
         self.ways.is_empty()
     }

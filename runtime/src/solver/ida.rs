@@ -21,7 +21,7 @@ use super::variational::{Stuck, Variational};
 use super::vector::{Operations, Vector};
 use super::{Advance, Bounds, Edge, FirstStep, IdaFlag, Integrator, Settings, SolveError, Statistics, System};
 
-/// Where an instance stands.
+/// Present point of an instance.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// A restart is needed.
@@ -59,7 +59,7 @@ pub struct Ida {
     past: Past,
 }
 
-/// What is known of the system without evaluating it.
+/// Properties of the system that need no evaluation.
 struct Shape {
     differential: Box<[bool]>,
     /// Row and column of each entry of the Jacobian.
@@ -69,12 +69,12 @@ struct Shape {
     bounds: Option<Bounds>,
 }
 
-/// What is known of what was integrated before.
+/// Data carried over from earlier integrations.
 struct Past {
     /// The longest interval since the last time that everything was forgotten.
     longest_interval: f64,
     last_interval: f64,
-    /// What IDA has counted since the last restart.
+    /// Counters of IDA since the last restart.
     counted: IdaCounts,
     /// The last step before the restart, zero if none.
     last_step: f64,
@@ -156,13 +156,13 @@ impl Ida {
         }
     }
 
-    /// Why a callback gave up.
+    /// Reason why a callback gave up.
     fn fault(&mut self) -> SolveError {
         let time = self.time;
         self.trouble().unwrap_or(SolveError::Panicked { time })
     }
 
-    /// What the callbacks noted, as an error.
+    /// Error noted by the callbacks.
     fn trouble(&mut self) -> Option<SolveError> {
         let time = self.time;
         Some(match self.bridge().trouble? {

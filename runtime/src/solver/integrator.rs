@@ -4,16 +4,16 @@ use serde::{Deserialize, Serialize};
 
 use super::{Edge, SolveError, System};
 
-/// How an [`advance`](Integrator::advance) ended.
+/// End of an [`advance`](Integrator::advance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advance {
     /// At the time asked for, exactly.
     Reached,
-    /// Where conditions of root functions became true: before it, at it, or at once; [`Integrator::events`] tells which.
+    /// Stop at conditions of root functions that became true; [`Integrator::events`] lists them.
     Event,
 }
 
-/// What an integrator has done since it was made (or since [`Integrator::forget`]).
+/// Work of an integrator since it was made (or since [`Integrator::forget`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Steps taken and accepted.
@@ -38,7 +38,8 @@ pub struct Statistics {
     pub retries: u64,
 }
 
-/// What an integrator takes along from one control step to the next, beside the state; nothing by default.
+/// Data that an integrator carries from one control step to the next, in addition to the state;
+/// none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
     /// The step that fitted at its beginning; zero where none is known.
@@ -73,7 +74,8 @@ pub trait Integrator: Send {
     /// from here on, results are those of a new instance. To be called where an episode begins.
     fn forget(&mut self);
 
-    /// What helps the next control step: to be kept where one ends, and handed to [`carry`](Self::carry) where the next begins.
+    /// Data for the next control step: stored at the end of one, and passed to
+    /// [`carry`](Self::carry) at the start of the next.
     fn carried(&self) -> Carried {
         Carried::default()
     }
@@ -99,10 +101,10 @@ pub trait Integrator: Send {
     /// otherwise 0. There may be none: what stands at the threshold of a strict condition is decided by the next restart.
     fn events(&self) -> &[i32];
 
-    /// Which conditions hold.
+    /// Truth of the conditions.
     fn edges(&self) -> &[Edge];
 
-    /// Which conditions hold, to be changed before a restart.
+    /// Truth of the conditions, to be changed before a restart.
     fn edges_mut(&mut self) -> &mut [Edge];
 
     /// A root function that was not a number at a state since the last [`forget`](Self::forget).

@@ -261,7 +261,7 @@ pub(crate) unsafe fn cumulate(blocks: usize, first: *const Block, x: &[*mut Bloc
     }
 }
 
-/// Whether all entries are finite.
+/// Returns `true` if all entries are finite.
 ///
 /// # Safety
 /// `x` points to `blocks` blocks.

@@ -1,4 +1,4 @@
-//! What Newton's method of a step keeps from one solve to the next; the method is in [`object`].
+//! Data of Newton's method kept from one solve to the next; the method is in [`object`].
 
 use std::os::raw::c_long;
 
@@ -12,7 +12,7 @@ pub(super) mod object;
 /// rate / (1 − rate) that is assumed after a new factorisation.
 const AFTER_SETUP: f64 = 20.0;
 
-/// What lasts from one solve to the next.
+/// Data kept from one solve to the next.
 pub(crate) struct Newton {
     correction: Vector,
     /// IDA's function that leads to a new Jacobian and its factorisation.
@@ -22,7 +22,7 @@ pub(crate) struct Newton {
     setup_cj: f64,
     /// rate / (1 − rate).
     rate_factor: f64,
-    /// Whether the factorisation belongs to the present step.
+    /// True if the factorisation belongs to the present step.
     current: bool,
     iterations: c_long,
     failures: c_long,

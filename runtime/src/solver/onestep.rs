@@ -43,7 +43,7 @@ use super::watch::Watch;
 use super::{Advance, Carried, Edge, Integrator, Method, Quadratures, Settings, SolveError, Statistics, System};
 use crate::interrupt::Pace;
 
-/// Where an instance stands.
+/// Present point of an instance.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// A restart is needed.
@@ -170,12 +170,12 @@ impl OneStep {
         })
     }
 
-    /// Which of the two methods takes the steps: [`Method::Rosenbrock`] or [`Method::Explicit`].
+    /// Method of the steps: [`Method::Rosenbrock`] or [`Method::Explicit`].
     pub fn stepping(&self) -> Method {
         if self.methods.is_stiff() { Method::Rosenbrock } else { Method::Explicit }
     }
 
-    /// Whether factorisations are a small part of the steps.
+    /// Returns `true` if factorisations are a small part of the steps.
     pub(crate) fn is_cheap(&self) -> bool {
         self.methods.is_cheap()
     }
@@ -198,7 +198,7 @@ impl OneStep {
     }
 }
 
-/// Whether the method takes the system.
+/// Returns `true` if the method takes the system.
 fn check(system: &dyn System, method: Method, algebraic: Option<usize>) -> Result<(), SolveError> {
     let n = system.dimension();
     let pattern = system.pattern().dimension() * (1 + system.directions());

@@ -36,7 +36,7 @@ pub(crate) struct Integrals {
     there: Box<[f64]>,
     /// Relative and absolute tolerance, where they are part of the error test.
     checked: Option<(f64, f64)>,
-    /// Where they are taken step by step.
+    /// Data of integrals that are computed step by step.
     pub by_steps: Option<BySteps>,
     /// Unknowns and derivatives at a point of a step.
     inside: [Vector; 2],
@@ -50,7 +50,7 @@ pub(crate) struct BySteps {
     sums: [Box<[f64]>; 2],
     /// Integrands at the ends of a piece, in its middle and half way.
     points: [Box<[f64]>; 5],
-    /// What the whole step looks like in one piece.
+    /// Estimate of the whole step in one piece.
     expected: Box<[f64]>,
     /// Values before the last step, and where it began.
     before: Box<[f64]>,
@@ -207,7 +207,7 @@ impl BySteps {
         }
     }
 
-    /// Whether both rules agree over a piece that is this share of the step: to its share of the tolerance, or to the least one.
+    /// Returns `true` if both rules agree over a piece that is this share of the step: to its share of the tolerance, or to the least one.
     fn agree(&self, values: &[f64], share: f64) -> bool {
         let (rtol, atol, share) = (self.rtol, self.atol, share.max(LEAST_SHARE));
         let [boole, simpson] = &self.sums;

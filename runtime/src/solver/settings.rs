@@ -1,4 +1,4 @@
-//! What can be set.
+//! Settings.
 
 use super::SolveError;
 
@@ -23,13 +23,13 @@ pub struct Settings {
     pub min_step: f64,
     /// Largest step. Default infinite.
     pub max_step: f64,
-    /// Whether the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
+    /// True if the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
     /// right as the differential ones that they follow from.
     pub algebraic_error_control: bool,
-    /// Whether an integral or an event looks at algebraic unknowns within steps. They are part of the error test of multistep methods then; one-step methods
+    /// True if an integral or an event looks at algebraic unknowns within steps. They are part of the error test of multistep methods then; one-step methods
     /// bring them to their equations at the end of each step.
     pub algebraic_are_watched: bool,
-    /// What takes the steps. Default [`Method::Ida`].
+    /// Integration method. Default [`Method::Ida`].
     pub method: Method,
     /// Linear solver. Default [`LinearSolver::Auto`].
     pub linear_solver: LinearSolver,
@@ -39,7 +39,7 @@ pub struct Settings {
     pub looseness: f64,
 }
 
-/// How the first step after a restart is chosen. It never exceeds the interval.
+/// Choice of the first step after a restart. It never exceeds the interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FirstStep {
     /// From y'' by the exact Jacobian: the step whose estimated local error at order one is `safety` of the
@@ -66,7 +66,7 @@ impl Default for FirstStep {
     }
 }
 
-/// Whether the error of quadratures is controlled.
+/// True if the error of quadratures is controlled.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Quadratures {
     /// Integrated with the steps that the unknowns need: no better than these allow (a solution that is a straight line is
@@ -83,7 +83,7 @@ pub enum Quadratures {
 }
 
 impl Settings {
-    /// Whether algebraic unknowns are part of a multistep method's error test.
+    /// Returns `true` if algebraic unknowns are part of a multistep method's error test.
     pub(crate) fn tests_algebraic(&self) -> bool {
         self.algebraic_error_control || self.algebraic_are_watched
     }

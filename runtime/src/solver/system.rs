@@ -1,4 +1,4 @@
-//! What is integrated: the equations, seen from the integrator.
+//! The integrated system: the equations, as seen by the integrator.
 
 use thiserror::Error;
 
@@ -18,7 +18,7 @@ pub trait System {
     /// For each unknown, whether its derivative occurs. The others are algebraic.
     fn differential(&self) -> &[bool];
 
-    /// Whether derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
+    /// Returns `true` if derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
     fn is_explicit(&self) -> bool;
 
     /// Bounds of the unknowns, where algebraic ones have any: where an integration begins, their solution is sought inside.
@@ -40,7 +40,7 @@ pub trait System {
         0
     }
 
-    /// Whether an integrand reads derivatives of the unknowns.
+    /// Returns `true` if an integrand reads derivatives of the unknowns.
     fn integrands_read_rates(&self) -> bool {
         true
     }
@@ -85,7 +85,7 @@ pub trait System {
         f64::INFINITY
     }
 
-    /// Whether time occurs in the equations.
+    /// Returns `true` if time occurs in the equations.
     fn depends_on_time(&self) -> bool {
         true
     }
@@ -112,12 +112,12 @@ pub trait System {
         0
     }
 
-    /// Whether a root function looks at y'. If none does, the values given for y' are arbitrary.
+    /// Returns `true` if a root function looks at y'. If none does, the values given for y' are arbitrary.
     fn roots_use_derivatives(&self) -> bool {
         true
     }
 
-    /// What the root functions mean, in their order; those left out are of the default kind.
+    /// Kinds of the root functions, in their order; missing ones have the default kind.
     fn root_kinds(&self) -> &[RootKind] {
         &[]
     }
@@ -150,7 +150,7 @@ pub trait System {
         false
     }
 
-    /// Whether [`advance`](super::Integrator::advance) stops at jumps of the equations, too; otherwise it goes on behind them.
+    /// Returns `true` if [`advance`](super::Integrator::advance) stops at jumps of the equations, too; otherwise it goes on behind them.
     fn reports_jumps(&self) -> bool {
         false
     }
@@ -181,20 +181,20 @@ pub struct Following<'a> {
     pub jacobian: &'a [f64],
 }
 
-/// What a root function is.
+/// Kind of a root function.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RootKind {
     /// The condition does not hold at zero.
     pub strict: bool,
     /// The integration stops where it ceases to hold as well.
     pub both: bool,
-    /// What the integration stops for.
+    /// Causes of stops.
     pub role: RootRole,
     /// [`System::root_bounds`] knows bounds of it.
     pub bounded: bool,
 }
 
-/// What the integration stops for at a zero of a root function.
+/// Causes of stops at a zero of a root function.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RootRole {
     /// An event.
@@ -274,7 +274,7 @@ impl Pattern {
         self.rows.len()
     }
 
-    /// Where the entries of a column stand.
+    /// Places of the entries of a column.
     pub fn column(&self, column: usize) -> std::ops::Range<usize> {
         self.column_starts[column]..self.column_starts[column + 1]
     }

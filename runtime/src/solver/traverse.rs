@@ -13,10 +13,11 @@ const NEAR: f64 = 2e-12;
 /// Distance of both sides of a break from it, in roundings: the equations are of one form on each.
 const ROUNDINGS: f64 = 8.0;
 
-/// How far ahead the motion of a root function is looked for, over the interval and over the time itself.
+/// Distance ahead at which the motion of a root function is evaluated, over the interval and over
+/// the time itself.
 const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 
-/// What happens within this time happens at once, likewise.
+/// Duration within which events are simultaneous, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
 /// Distances at which slow motion is looked for, in multiples of the first one; and the parts of the way at which it has to show.
@@ -29,7 +30,7 @@ const AGAIN: f64 = 2.0;
 /// Relative rounding of a state.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// What is rounding grows with it, here by as much; a jump does not.
+/// Factor by which rounding grows; a jump does not.
 const WIDER: f64 = 16.0;
 
 /// Steps of this part of an interval are so short that a kink in them may hold the solution.
@@ -78,7 +79,7 @@ pub(crate) trait Traverse {
     /// Steps to a time before the next break, or to an event.
     fn solve(&mut self, t_end: f64) -> Result<Advance, SolveError>;
 
-    /// What is watched, and which conditions became true.
+    /// Monitored root functions, and conditions that became true.
     fn watched(&mut self) -> (&mut Watch, &mut [c_int]);
 
     /// Evaluates the root functions at the present state and this time.
@@ -155,7 +156,7 @@ pub(crate) trait Traverse {
         self.watched().0.nearest()
     }
 
-    /// Whether a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
+    /// Returns `true` if a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
     /// other inputs, perhaps, under which it would not.
     fn ends_at_event(&mut self) -> Result<bool, SolveError> {
         let ahead = self.span(AHEAD);
@@ -471,7 +472,8 @@ pub(crate) trait Traverse {
         Ok(self.watched().0.accept(t))
     }
 
-    /// What of the root functions is rounding of the state, and of the time if another one is given.
+    /// Part of the root functions due to rounding of the state, and of the time if another one is
+    /// given.
     fn measure_noise(&mut self, time: f64) -> Result<(), SolveError> {
         self.move_by(ROUNDING, time)?;
         self.watched().0.take_noise();

@@ -38,7 +38,7 @@ const MOST_OF_FIRST: f64 = 10.0;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 40;
 
-/// Why there is no going on.
+/// Reason why the integration cannot continue.
 pub(super) enum Stuck {
     /// A callback gave up, and has noted why.
     Callback,
@@ -66,7 +66,7 @@ struct Size {
     all: usize,
 }
 
-/// What is known of the equations.
+/// Properties of the equations.
 struct Equations {
     pattern: Pattern,
     differential: Box<[bool]>,
@@ -309,7 +309,7 @@ impl Variational {
         Ok(())
     }
 
-    /// Where the next step ends; `None` if it has to wait for the unknowns.
+    /// End of the next step; `None` if it has to wait for the unknowns.
     fn target(&mut self, to: f64, end: f64) -> Option<f64> {
         let now = self.history.times[0];
         if now >= to {

@@ -23,24 +23,24 @@ use super::kernels::{Block, LANES};
 use super::sundials::Context;
 pub(crate) use operations::Operations;
 
-/// What the content pointer of a vector points to.
+/// Target of the content pointer of a vector.
 pub(crate) struct Content {
     length: usize,
     /// `count` blocks, which the content owns. The rest of the last one is zero whatever IDA does with the vector.
     blocks: NonNull<Block>,
     count: usize,
-    /// What the vectors of an integrator know of each other.
+    /// Shared data of the vectors of an integrator.
     shared: Option<Rc<Shared>>,
     /// The weighted root mean square, with the weights of this age; zero where it is not known.
     norm: f64,
     age: u64,
-    /// Whether nobody reads what a prediction and the corrections add up to.
+    /// True if nobody reads what a prediction and the corrections add up to.
     discards: bool,
     /// Outlives the vectors that name it.
     context: Context,
 }
 
-/// What the vectors of an integrator know of each other: where a pass over numbers can take the next one along, or is for nothing.
+/// Shared data of the vectors of an integrator: passes over numbers that can be merged or skipped.
 ///
 /// IDA's error test adds two vectors and asks for the norm of the sum, which is taken in the pass of the addition; and
 /// the norm of the corrections is known from Newton's method.
@@ -105,7 +105,7 @@ impl Content {
         unsafe { std::slice::from_raw_parts(self.blocks.as_ptr(), self.count) }
     }
 
-    /// Whether nobody reads what a prediction and the corrections add up to.
+    /// Returns `true` if nobody reads what a prediction and the corrections add up to.
     pub(crate) fn set_discards(&mut self, discards: bool) {
         self.discards = discards;
     }
@@ -138,12 +138,12 @@ impl Handle {
         Self { raw, content }
     }
 
-    /// What SUNDIALS takes.
+    /// Pointer for SUNDIALS.
     pub(crate) fn raw(&self) -> N_Vector {
         self.raw
     }
 
-    /// Where the content is, to be compared with.
+    /// Address of the content, for comparisons.
     #[cfg(test)]
     fn address(&self) -> *const Content {
         self.content.as_ptr()

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::enclosure::hull;
 use super::{RootKind, RootRole};
 
-/// What is known of the condition of one event.
+/// State of the condition of one event.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edge {
     /// It holds.
@@ -53,7 +53,7 @@ pub(super) enum Closely {
     Doubt,
 }
 
-/// What bounds over a step leave open.
+/// Root functions that bounds over a step leave open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Open {
     /// Nothing has happened in it but what its ends show.
@@ -77,7 +77,7 @@ impl Edge {
         Self { holds, band: AWAY }
     }
 
-    /// Whether the value is at the threshold that it was at before.
+    /// Returns `true` if the value is at the threshold that it was at before.
     fn stays(&self, value: f64) -> bool {
         self.band >= 0.0 && value.abs() <= self.band
     }
@@ -116,13 +116,13 @@ pub(crate) struct Watch {
     /// No tie is looked for before this time; and how many were tried.
     pub loose_until: f64,
     pub ties: u32,
-    /// How they move there.
+    /// Their motion there.
     motion: Box<[f64]>,
-    /// What of them is rounding.
+    /// Their rounding.
     noise: Box<[f64]>,
     /// By how much they differ at states nearby.
     moved: Box<[f64]>,
-    /// How they moved just before the integration stopped, where that was looked at.
+    /// Their motion just before the integration stopped, if it was evaluated.
     before: Box<[f64]>,
     /// Time of the last accepted state in which nothing happened, and of the first one after something did.
     pub since: f64,
@@ -202,7 +202,7 @@ impl Watch {
         false
     }
 
-    /// Whether the integration stops for a root function. NaN stops nothing.
+    /// Returns `true` if the integration stops for a root function. NaN stops nothing.
     fn stops(&self, i: usize) -> bool {
         let (edge, value, kind) = (self.edges[i], self.values[i], self.kinds[i]);
         let band = edge.band.max(0.0);
@@ -239,12 +239,12 @@ impl Watch {
         (from..self.kinds.len()).find(|&i| matches!(self.kinds[i].role, RootRole::Kink { .. }))
     }
 
-    /// Whether equations have switches.
+    /// Returns `true` if equations have switches.
     pub(super) fn has_switches(&self) -> bool {
         self.kinds.iter().any(|kind| kind.role != RootRole::Event)
     }
 
-    /// Whether bounds say that no event happens and no equation jumps. Kinks of which they say nothing are kept: they are looked at in every step.
+    /// Returns `true` if bounds say that no event happens and no equation jumps. Kinks of which they say nothing are kept: they are looked at in every step.
     pub(super) fn is_safe(&mut self) -> bool {
         let n = self.edges.len();
         self.loose.clear();
@@ -282,7 +282,7 @@ impl Watch {
         }
     }
 
-    /// Whether there are kinks to be looked at in every step.
+    /// Returns `true` if there are kinks to be looked at in every step.
     #[inline]
     pub(super) fn has_loose(&self, to: f64) -> bool {
         !self.loose.is_empty() && to > self.quiet
@@ -311,7 +311,7 @@ impl Watch {
         self.quiet = to + step * steps.fold(QUIET, f64::min);
     }
 
-    /// Whether such kinks have not been passed to and fro in a step that ends at the present values, by the values in its middle, which are those ahead.
+    /// Returns `true` if such kinks have not been passed to and fro in a step that ends at the present values, by the values in its middle, which are those ahead.
     pub(super) fn is_loose_still(&self) -> bool {
         self.loose.iter().all(|&i| {
             let (begin, middle, end) = (self.begin[i], self.ahead[i], self.values[i]);
@@ -357,7 +357,7 @@ impl Watch {
         matches!(self.kinds[i].role, RootRole::Kink { .. }) && edge.holds != (value > 0.0) && value.abs() > edge.band.max(0.0)
     }
 
-    /// Whether another kink of the same quantity changed its sign, too: the step may have passed a form in between.
+    /// Returns `true` if another kink of the same quantity changed its sign, too: the step may have passed a form in between.
     fn interferes(&self, i: usize) -> bool {
         (0..self.edges.len()).any(|j| j != i && self.kinds[j].role == self.kinds[i].role && self.is_kink_that_changed(j))
     }
@@ -380,12 +380,12 @@ impl Watch {
         self.edges[i].band = band;
     }
 
-    /// Whether a search inside of the step has something to look for.
+    /// Returns `true` if a search inside of the step has something to look for.
     pub(super) fn is_search_due(&self, open: Open) -> bool {
         open == Open::Everything || self.unseen.contains(&true) || self.tied.contains(&true)
     }
 
-    /// Whether a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
+    /// Returns `true` if a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
     /// through them is taken for wider by half than it is.
     fn may_hide(&self, i: usize) -> bool {
         // The sign at the beginning is that of the end.
@@ -397,7 +397,7 @@ impl Watch {
         !(low - margin >= -tolerance || high + margin <= tolerance)
     }
 
-    /// Whether the bounds over a part of a step leave a sign open.
+    /// Returns `true` if the bounds over a part of a step leave a sign open.
     pub(super) fn may_change(&self) -> bool {
         let n = self.edges.len();
         (0..n).any(|i| {
@@ -410,12 +410,12 @@ impl Watch {
         })
     }
 
-    /// Whether there are root functions of which no bounds are known.
+    /// Returns `true` if there are root functions of which no bounds are known.
     pub(super) fn has_unbounded(&self) -> bool {
         self.kinds.iter().any(|kind| !kind.bounded)
     }
 
-    /// Whether a root function is at its threshold, or just there.
+    /// Returns `true` if a root function is at its threshold, or just there.
     pub(crate) fn is_at_threshold(&mut self) -> bool {
         self.motion.fill(0.0);
         self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
@@ -485,7 +485,7 @@ impl Watch {
         fired.iter().any(|&f| f != 0)
     }
 
-    /// Whether a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
+    /// Returns `true` if a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
     pub(crate) fn is_about_to_stop(&self, reach: f64) -> bool {
         (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0 && self.is_event(i)).any(|i| {
             let (edge, value, motion) = (self.edges[i], self.values[i], self.ahead[i] - self.values[i]);
@@ -512,7 +512,7 @@ impl Watch {
         self.noise.copy_from_slice(&self.moved);
     }
 
-    /// Whether a value that is not zero differs by as much at a state that is the same but for rounding.
+    /// Returns `true` if a value that is not zero differs by as much at a state that is the same but for rounding.
     pub(crate) fn is_lost_in_noise(&self) -> bool {
         self.noise.iter().zip(&self.values).any(|(&noise, &value)| value != 0.0 && noise >= value.abs())
     }
@@ -526,7 +526,7 @@ impl Watch {
         }
     }
 
-    /// Whether the integration has stopped at a threshold from which the equations lead back.
+    /// Returns `true` if the integration has stopped at a threshold from which the equations lead back.
     pub(crate) fn is_led_back(&self) -> bool {
         (0..self.edges.len()).any(|i| !self.edges[i].holds && self.stops(i) && self.ahead[i] < self.values[i])
     }
@@ -590,13 +590,14 @@ impl Watch {
         })
     }
 
-    /// Whether the integration stopped for a jump, among what fired.
+    /// Returns `true` if the integration stopped for a jump, among what fired.
     pub(super) fn has_jumped(&self, fired: &[c_int]) -> bool {
         fired.iter().zip(&self.kinds).any(|(&fired, kind)| fired != 0 && kind.role == RootRole::Jump)
     }
 }
 
-/// What an event has to say about a change: 1 for a condition that became true, -1 for one that ceased to hold where that matters.
+/// Direction of a change: 1 for a condition that became true, -1 for one that ceased to hold if
+/// that matters.
 fn change(before: Edge, now: Edge, kind: RootKind) -> c_int {
     match (before.holds, now.holds) {
         (false, true) => 1,

@@ -91,7 +91,7 @@ enum Command {
     Lsp(lsp::LspArguments),
 }
 
-/// What every command that takes a model takes.
+/// Options of every command that takes a model.
 #[derive(Debug, Args)]
 struct ModelArguments {
     /// Scenario: a name (FILE.NAME.yaml beside the model) or a YAML file
@@ -108,7 +108,7 @@ struct ModelArguments {
     extra: Option<String>,
 }
 
-/// How a plain result is printed.
+/// Format of a plain result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// For people.

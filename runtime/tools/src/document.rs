@@ -54,7 +54,7 @@ impl Source {
 
 /// A picture on a page: what it shows, and where it is.
 pub(crate) struct Figure {
-    /// What it shows.
+    /// Description.
     pub text: String,
     /// Its path from the page.
     pub path: String,

@@ -18,7 +18,7 @@ use smpl_runtime::steady;
 
 pub use fmu::Fmu;
 
-/// Why a model is not exported.
+/// Reason why a model is not exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportFault {
     /// The target cannot carry the model.
@@ -82,7 +82,7 @@ fn at_nominal<T>(
     Ok(write(&nominal)?)
 }
 
-/// How the environment simulates the model.
+/// Simulation settings of the environment.
 fn settings(setup: &Setup) -> Settings {
     let (options, declared) = (&setup.options, &setup.model().interface().solver);
     Settings {

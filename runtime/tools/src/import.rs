@@ -36,19 +36,19 @@ use smpl_runtime::load::{LoadError, LoadOptions, Loaded, load_text};
 pub(crate) struct Imported {
     /// The text of an `.eq` file.
     pub text: String,
-    /// Why units are not declared; none where they are.
+    /// Reason why units are not declared; `None` if they are.
     pub without_units: Option<String>,
 }
 
-/// Why a file is not turned into a model.
+/// Reason why a file is not turned into a model.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum ImportError {
     /// No XML.
     #[error("line {line}: this is no XML: {message}")]
     Xml {
-        /// Where.
+        /// Place.
         line: u32,
-        /// What the reader says.
+        /// Message of the reader.
         message: String,
     },
     /// Something that has no counterpart, or that is at fault in the file itself.
@@ -56,7 +56,7 @@ pub(crate) enum ImportError {
     Refused {
         /// Line in the file.
         line: u32,
-        /// What, by name.
+        /// Name of the element.
         message: String,
     },
     /// The equations are at fault: they do not determine the unknowns, for example.
@@ -116,7 +116,7 @@ fn compiled(text: &str) -> Result<Loaded, String> {
     })
 }
 
-/// Whether two models compute the same numbers: parameters, initial values, rates, conditions, and what events set.
+/// Returns `true` if two models compute the same numbers: parameters, initial values, rates, conditions, and what events set.
 fn agree(first: &Loaded, second: &Loaded) -> bool {
     let (a, b) = (numbers(&first.model), numbers(&second.model));
     let close = |(x, y): (&f64, &f64)| x == y || x.is_nan() && y.is_nan() || (x - y).abs() <= 1e-9 * x.abs().max(y.abs());

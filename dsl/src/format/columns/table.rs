@@ -52,7 +52,7 @@ fn as_in(lines: &[String], like: &[&str]) -> Option<Vec<String>> {
     })
 }
 
-/// What stands in one column of characters.
+/// Content of one column of characters.
 #[derive(Clone, Copy)]
 enum Mode {
     Start,
@@ -61,7 +61,7 @@ enum Mode {
 }
 
 impl Mode {
-    /// How a column of rows is aligned; by ends or points only where blanks were put there for it.
+    /// Alignment of a column of rows; by ends or points only if the author put blanks for it.
     fn of(rows: &[(usize, RowOf)], column: usize) -> Option<Mode> {
         let cells: Vec<&Cell> = rows.iter().filter_map(|(_, row)| row.cells.get(column)).collect();
         let padded = cells.iter().any(|cell| cell.padded);
@@ -72,7 +72,7 @@ impl Mode {
         })
     }
 
-    /// What is aligned, in characters from the cell's start.
+    /// Aligned position, in characters from the start of the cell.
     fn anchor(self, cell: &Cell) -> usize {
         let end = cell.text.chars().count();
         match self {
@@ -94,7 +94,7 @@ struct Cell<'t> {
     text: &'t str,
     start: usize,
     comma: bool,
-    /// Whether more than one blank stands before it.
+    /// True if more than one blank stands before it.
     padded: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What SUNDIALS says, kept in place of being printed.
+//! Messages of SUNDIALS, stored instead of printed.
 
 use std::ffi::CStr;
 use std::os::raw::{c_char, c_int, c_void};

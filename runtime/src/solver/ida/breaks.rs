@@ -1,4 +1,4 @@
-//! What time moves between breaks.
+//! Time-dependent terms between breaks.
 
 use super::super::forcing::Course;
 use super::{Ida, SolveError};

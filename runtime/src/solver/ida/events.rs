@@ -9,7 +9,7 @@ use super::super::watch::Watch;
 use super::{Advance, Ida, Phase, SolveError};
 
 impl Ida {
-    /// Whether a condition has become true in what was just integrated.
+    /// Returns `true` if a condition has become true in what was just integrated.
     pub(super) fn has_passed_event(&mut self, value: c_int) -> Result<bool, SolveError> {
         let passed = self.watched().0.passed;
         if passed || !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {

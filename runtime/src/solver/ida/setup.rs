@@ -101,7 +101,7 @@ impl Shape {
     }
 }
 
-/// What IDA's callbacks work with.
+/// Data of IDA's callbacks.
 fn bridge(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Bridge, SolveError> {
     let n = system.dimension();
     let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;

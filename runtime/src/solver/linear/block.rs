@@ -34,7 +34,7 @@ pub(crate) struct Block {
     structure: Structure,
     /// Partial pivoting, made when it is first needed.
     pivoting: Option<Box<Klu>>,
-    /// Whether `pivoting` holds the factors.
+    /// True if `pivoting` holds the factors.
     pivoted: bool,
 }
 
@@ -168,7 +168,7 @@ fn reciprocal(pivot: f64, diagonal: f64) -> Option<f64> {
     serves(pivot, inverse, diagonal).then_some(inverse)
 }
 
-/// Whether a pivot serves. A diagonal entry that is zero says nothing about it.
+/// Returns `true` if a pivot serves. A diagonal entry that is zero says nothing about it.
 #[inline(always)]
 fn serves(pivot: f64, inverse: f64, diagonal: f64) -> bool {
     let grown = (pivot / diagonal).abs();

@@ -60,7 +60,7 @@ macro_rules! with_fma {
 pub(crate) use with_fma;
 
 with_fma! {
-    /// Whether all numbers are finite.
+    /// Returns `true` if all numbers are finite.
     pub(crate) fn all_finite(x: &[f64]) -> bool = all_finite_portable
 }
 

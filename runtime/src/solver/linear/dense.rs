@@ -13,9 +13,9 @@ pub(crate) struct Dense {
     columns: Box<[f64]>,
     /// Row exchanged with row k in step k.
     pivots: Box<[u32]>,
-    /// Where each entry of the pattern stands in `columns`.
+    /// Place of each entry of the pattern in `columns`.
     places: Box<[u32]>,
-    /// Whether the pattern is full and in the same order, so that entries are copied at once.
+    /// True if the pattern is full and in the same order, so that entries are copied at once.
     full: bool,
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Klu {
     common: Box<klu_l_common>,
     symbolic: *mut klu_l_symbolic,
     numeric: *mut klu_l_numeric,
-    /// Whether the next factorisation chooses its pivots anew.
+    /// True if the next factorisation chooses its pivots anew.
     pivot: bool,
     values: Box<[f64]>,
 }
@@ -146,7 +146,7 @@ impl Klu {
     }
 }
 
-/// Whether every diagonal entry is in the pattern.
+/// Returns `true` if every diagonal entry is in the pattern.
 fn has_diagonal(pattern: &Pattern) -> bool {
     (0..pattern.dimension()).all(|i| pattern.rows()[pattern.column(i)].contains(&i))
 }

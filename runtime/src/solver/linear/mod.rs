@@ -89,7 +89,7 @@ impl Factorisation {
         })
     }
 
-    /// Which it is.
+    /// Kind of solver.
     pub(crate) fn method(&self) -> Method {
         match self {
             Self::Dense(_) => Method::Dense,
@@ -98,7 +98,7 @@ impl Factorisation {
         }
     }
 
-    /// Whether a factorisation takes as little time as some substitutions.
+    /// Returns `true` if a factorisation takes as little time as some substitutions.
     pub(crate) fn is_cheap(&self) -> bool {
         let Self::Block(block) = self else { return false };
         let (factorisation, substitution) = block.products();

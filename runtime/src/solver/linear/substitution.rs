@@ -14,13 +14,13 @@ pub(super) use schedule::{Places, Source};
 /// Sums in levels. The structure is fixed; the factors are set again and again.
 pub(super) struct Substitution {
     chunks: Box<[Chunk]>,
-    /// Where the operands of each chunk stand, in the order of its turns.
+    /// Places of the operands of each chunk, in the order of its turns.
     operands: Box<[u32]>,
     /// A factor for each lane of each turn.
     factors: Box<[f64]>,
     /// The right-hand side, the results of the chunks, and space for a load past the last one.
     operand: Box<[f64]>,
-    /// Where each unknown stands among the operands.
+    /// Place of each unknown among the operands.
     results: Box<[u32]>,
     /// For many right-hand sides: where the result of each sum stands, and the end of its terms.
     rows: Vec<(u32, u32)>,

@@ -73,7 +73,7 @@ impl Run<'_> {
         }
     }
 
-    /// Why there is no going on, the step having come down to a length.
+    /// Reason why the integration cannot continue, at the smallest step.
     fn failure(&mut self, step: f64) -> SolveError {
         let time = self.one.time;
         let unknown = self.one.methods.unknown_to_blame(&mut self.one.frame);
@@ -335,7 +335,7 @@ impl Run<'_> {
         self.take_integrals(to)
     }
 
-    /// Whether a condition became true in the step that ends here, or inside of it.
+    /// Returns `true` if a condition became true in the step that ends here, or inside of it.
     #[inline]
     fn looks_passed(&mut self, to: f64) -> Result<bool, SolveError> {
         let OneStep { frame, events, methods, .. } = &mut *self.one;
@@ -658,7 +658,7 @@ impl Traverse for Run<'_> {
     }
 }
 
-/// Whether all numbers are finite.
+/// Returns `true` if all numbers are finite.
 fn is_finite(x: &[Quad]) -> bool {
     sum(x.len(), |i, lane| x[i][lane] * 0.0) == 0.0
 }

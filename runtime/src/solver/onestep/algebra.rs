@@ -24,7 +24,7 @@ pub(crate) struct Algebra {
 // a call only.
 unsafe impl Send for Algebra {}
 
-/// Why there are no consistent values: what was noted, or what Newton's method met.
+/// Reason why there are no consistent values: what was noted, or what Newton's method met.
 pub(super) enum Failure {
     Noted(Trouble),
     Method(SolveError),

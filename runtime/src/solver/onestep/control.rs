@@ -16,7 +16,7 @@ const SMALLEST_ERROR: f64 = 1e-9;
 /// An error below this is worth the longest step of the method of order eight: `(SAFETY / MOST)^8` is a little more.
 const NEGLIGIBLE: f64 = 2e-8;
 
-/// How a method's error grows with its step.
+/// Growth of a method's error with its step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Growth {
     /// With its fifth power.
@@ -25,7 +25,7 @@ pub(super) enum Growth {
     Eighth,
 }
 
-/// What the next step is chosen from.
+/// Data for the choice of the next step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Control {
     /// The step that fits; zero where none is known.

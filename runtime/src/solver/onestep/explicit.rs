@@ -119,7 +119,7 @@ impl Explicit {
         &self.error
     }
 
-    /// Whether the error of a method of order 4 would have been small in the last step: that between its estimates of orders 5 and 3.
+    /// Returns `true` if the error of a method of order 4 would have been small in the last step: that between its estimates of orders 5 and 3.
     pub(crate) fn suits_less(&self, frame: &Frame) -> bool {
         let [fifth, third] = self.squares.map(|square| frame.h * frame.h * square / frame.n as f64);
         fifth * third < SMALL * SMALL * SMALL * SMALL

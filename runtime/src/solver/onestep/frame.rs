@@ -1,15 +1,15 @@
-//! What a step begins and ends with, whatever the method; and the functions of the system, counted.
+//! Start and end of a step of any method, and the counted functions of the system.
 
 use super::super::callbacks::Trouble;
 use super::super::linear::columns::all_finite;
 use super::super::{Settings, Statistics, System};
 use super::numbers::{Quad, Quads, entries, entries_mut, filled, from, zeros};
 
-/// What a step begins and ends with.
+/// Start and end of a step.
 pub(super) struct Frame {
     /// Number of unknowns.
     pub n: usize,
-    /// Whether time occurs in the equations.
+    /// True if time occurs in the equations.
     pub timed: bool,
     /// Something turns so often that an estimate of the error may be small by chance.
     pub careful: bool,
@@ -39,7 +39,7 @@ pub(super) struct Frame {
 pub(super) struct Functions {
     n: usize,
     pub counts: Statistics,
-    /// What went wrong last.
+    /// Last failure.
     pub trouble: Option<Trouble>,
     /// Looks at every residual for what is not finite.
     pub checks: bool,
@@ -160,7 +160,7 @@ impl Frame {
     }
 }
 
-/// How much faster unknowns may be between stages than at them.
+/// Maximum ratio of the speed of unknowns between stages to that at stages.
 const FASTER: f64 = 2.0;
 
 /// A box around the unknowns in some fours, which move by no more over a step than so much faster than the fastest of these rates.

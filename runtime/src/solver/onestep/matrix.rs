@@ -40,7 +40,7 @@ impl Matrix {
         }
     }
 
-    /// Whether a factorisation takes no longer than what else there is to a step.
+    /// Returns `true` if a factorisation takes no longer than what else there is to a step.
     pub(crate) fn is_cheap(&self) -> bool {
         match self {
             Self::Small(_) => true,
@@ -86,7 +86,7 @@ pub(super) trait Small: Send {
 /// The inverse of a matrix of `N` columns in `B` fours each.
 struct Inverse<const N: usize, const B: usize> {
     columns: [[Quad; B]; N],
-    /// Where each entry of the pattern stands: column, row.
+    /// Place of each entry of the pattern: column, row.
     places: Box<[(u8, u8)]>,
     /// Row exchanged with row k in step k.
     pivots: [usize; N],

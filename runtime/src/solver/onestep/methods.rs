@@ -17,7 +17,8 @@ const CALM: u32 = 6;
 /// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
 const LOOSE: f64 = 1.0;
 
-/// What the reach of the short pair falls by where its error was too large, and grows by with each step that would have suited it.
+/// Factors of the reach of the short pair: after an error that is too large, and after each
+/// suitable step.
 const WITHDRAWAL: f64 = 0.5;
 const ADVANCE: f64 = 1.1;
 
@@ -27,7 +28,7 @@ const CHANCE: f64 = 0.03;
 /// Lengths that differ by rounding of time are equal.
 const ROUNDED: f64 = 1.0 + 1e-6;
 
-/// What takes a step.
+/// Method of a step.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum By {
     Rosenbrock,
@@ -45,7 +46,7 @@ pub(super) struct Methods {
     reach: f64,
     /// The Rosenbrock method takes the steps.
     stiff: bool,
-    /// What took the last one.
+    /// Method of the last step.
     by: By,
     /// Steps that would have been the other method's.
     misfits: u32,
@@ -83,7 +84,7 @@ impl Methods {
         self.short = None;
     }
 
-    /// Whether factorisations are a small part of the steps.
+    /// Returns `true` if factorisations are a small part of the steps.
     pub(crate) fn is_cheap(&self) -> bool {
         self.rosenbrock.as_ref().is_none_or(Rosenbrock::is_cheap)
     }
@@ -95,7 +96,7 @@ impl Methods {
         self.rosenbrock.iter_mut().for_each(Rosenbrock::forget);
     }
 
-    /// Whether the Rosenbrock method takes the steps.
+    /// Returns `true` if the Rosenbrock method takes the steps.
     pub(crate) fn is_stiff(&self) -> bool {
         self.stiff
     }
@@ -111,7 +112,7 @@ impl Methods {
         self.stiff = if explicit { self.explicit.is_none() } else { self.rosenbrock.is_some() };
     }
 
-    /// How errors grow with a step.
+    /// Growth of errors with a step.
     pub(crate) fn growth(&self) -> Growth {
         if self.stiff { Growth::Fifth } else { Growth::Eighth }
     }
@@ -121,7 +122,7 @@ impl Methods {
         self.rosenbrock.as_ref().map_or((0, 0), |r| r.place_of(entry))
     }
 
-    /// Whether a step of this length, all that is left, suits the short pair. Where forcings turn often, its estimate alone is too little to go by.
+    /// Returns `true` if a step of this length, all that is left, suits the short pair. Where forcings turn often, its estimate alone is too little to go by.
     #[inline]
     pub(crate) fn leaps(&self, left: f64, frame: &Frame) -> bool {
         left <= ROUNDED * self.reach.abs() && !self.stiff && !frame.careful && self.short.is_some()
@@ -163,7 +164,7 @@ impl Methods {
         }
     }
 
-    /// Whether from the step that was accepted on the other method takes the steps, because it would have served better.
+    /// Returns `true` if from the step that was accepted on the other method takes the steps, because it would have served better.
     pub(crate) fn choose(&mut self, frame: &Frame) -> bool {
         let misfit = match (&mut self.rosenbrock, &self.explicit) {
             (Some(rosenbrock), Some(_)) if self.by == By::Rosenbrock => rosenbrock.is_slow(frame, LOOSE / frame.h),

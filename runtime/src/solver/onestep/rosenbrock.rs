@@ -58,7 +58,7 @@ impl Rosenbrock {
         })
     }
 
-    /// Whether the factorisation is a small part of a step.
+    /// Returns `true` if the factorisation is a small part of a step.
     pub(crate) fn is_cheap(&self) -> bool {
         self.matrix.is_cheap()
     }
@@ -68,7 +68,7 @@ impl Rosenbrock {
         self.matrix.forget();
     }
 
-    /// Where entries of the pattern stand, for messages.
+    /// Places of entries of the pattern, for messages.
     pub(super) fn place_of(&self, entry: usize) -> (usize, usize) {
         (self.rows[entry] as usize, self.columns[entry] as usize)
     }
@@ -147,7 +147,7 @@ impl Rosenbrock {
         set(&mut self.slope, |i, lane| first * (rates[i][lane] - now[i][lane]) + second * (right[i][lane] - now[i][lane]));
     }
 
-    /// Whether the largest row sum of |∂f/∂y| in tolerances at the beginning of the last step, which bounds the spectral radius there, is below `bound`.
+    /// Returns `true` if the largest row sum of |∂f/∂y| in tolerances at the beginning of the last step, which bounds the spectral radius there, is below `bound`.
     pub(crate) fn is_slow(&mut self, frame: &Frame, bound: f64) -> bool {
         let diagonal = 1.0 / (frame.h * GAMMA);
         // A row sum is no less than its entry on the diagonal, of which one is large as a rule.
@@ -236,7 +236,7 @@ impl Rosenbrock {
         }
     }
 
-    /// What the error of the last step was measured by.
+    /// Scale of the error of the last step.
     pub(super) fn error(&self) -> &[Quad] {
         &self.u[7]
     }

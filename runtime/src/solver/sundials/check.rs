@@ -1,4 +1,4 @@
-//! What SUNDIALS' functions return.
+//! Return values of SUNDIALS' functions.
 
 use std::os::raw::c_int;
 

@@ -26,7 +26,7 @@ impl Context {
         Ok(Self(Rc::new(Owned(raw))))
     }
 
-    /// What SUNDIALS takes.
+    /// Pointer for SUNDIALS.
     pub(crate) fn raw(&self) -> SUNContext {
         self.0.0
     }

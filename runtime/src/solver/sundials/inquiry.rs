@@ -1,4 +1,4 @@
-//! What IDA's memory may be asked by IDA's callbacks.
+//! Queries of IDA's memory by IDA's callbacks.
 
 use std::os::raw::{c_int, c_void};
 use std::ptr::NonNull;
@@ -10,7 +10,8 @@ use super::super::vector::Handle;
 /// IDA's flag where there is no vector for a derivative.
 const BAD_DERIVATIVE: c_int = -26;
 
-/// What IDA's memory may be asked while IDA is at work, that is by its callbacks: nothing here calls them.
+/// Queries of IDA's memory that are valid during a step, by callbacks: none of them calls a
+/// callback.
 ///
 /// There are two of them: that of [`Memory`](super::Memory), and that of its bridge, which is freed after IDA's memory.
 pub(crate) struct Inquiry {

@@ -11,7 +11,7 @@ impl<T> Kept<T> {
         Self(NonNull::from(Box::leak(Box::new(value))))
     }
 
-    /// Where it is.
+    /// Address.
     pub(crate) fn address(&self) -> *mut T {
         self.0.as_ptr()
     }

@@ -24,7 +24,7 @@ pub(crate) struct IdaCounts {
     pub last_step: f64,
 }
 
-/// How far a call of IDA goes.
+/// Extent of a call of IDA.
 #[derive(Clone, Copy)]
 pub(crate) enum Task {
     /// To the time asked for.
@@ -111,7 +111,7 @@ impl Memory {
         check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
     }
 
-    /// What the callbacks work with.
+    /// Data of the callbacks.
     pub(crate) fn bridge(&self) -> &Bridge {
         // SAFETY: IDA is not at work, since its functions take the memory exclusively.
         unsafe { self.bridge.get() }
@@ -161,7 +161,7 @@ impl Memory {
     }
 }
 
-/// What IDA is told once.
+/// Settings of IDA that are made once.
 impl Memory {
     /// Highest order, and most steps in a call.
     pub(crate) fn set_limits(&mut self, order: u32, steps: u32) -> Result<(), SolveError> {
@@ -183,7 +183,8 @@ impl Memory {
         check("IDASetMinStep", unsafe { IDASetMinStep(self.raw(), step) })
     }
 
-    /// Which unknowns are differential (one, else zero), and whether the others stay out of the error test.
+    /// Differential unknowns (one, else zero), and the choice to leave the others out of the error
+    /// test.
     pub(crate) fn set_identity(&mut self, identity: &Vector, suppress: bool) -> Result<(), SolveError> {
         // SAFETY: the memory lives, and copies the vector, which has its length.
         check("IDASetId", unsafe { IDASetId(self.raw(), self.of_system(identity)) })?;
@@ -210,7 +211,7 @@ impl Memory {
     }
 }
 
-/// What IDA does.
+/// Calls of IDA.
 impl Memory {
     /// Begins anew at a time and a state; IDA's flag.
     pub(crate) fn restart(&mut self, time: f64, y: &Vector, yp: &Vector) -> c_int {
@@ -250,7 +251,7 @@ impl Memory {
         value
     }
 
-    /// Where IDA must not step beyond.
+    /// Time that IDA must not exceed.
     pub(crate) fn set_end(&mut self, time: f64) -> Result<(), SolveError> {
         // SAFETY: the memory lives.
         check("IDASetStopTime", unsafe { IDASetStopTime(self.raw(), time) })
@@ -297,7 +298,7 @@ impl Memory {
         unsafe { IDAGetErrWeights(self.raw(), self.of_system(weights)) == IDA_SUCCESS }
     }
 
-    /// What IDA has counted since the last restart.
+    /// Counters of IDA since the last restart.
     pub(crate) fn counts(&self) -> IdaCounts {
         let mut counts = IdaCounts::default();
         let (mut residuals, mut setups, mut last_order, mut order) = (0, 0, 0, 0);

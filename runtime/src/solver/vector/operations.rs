@@ -92,7 +92,7 @@ impl Content {
         known.then_some(self.norm)
     }
 
-    /// Whether a sum of `y` and another to this is for nothing.
+    /// Returns `true` if a sum of `y` and another to this is for nothing.
     #[inline(always)]
     fn discards_sum_with(&self, y: *const Content) -> bool {
         let corrections = || self.shared.as_deref().and_then(|shared| shared.corrections.get());
@@ -297,7 +297,7 @@ operations!(portable);
 #[cfg(target_arch = "x86_64")]
 operations!(avx2, #[target_feature(enable = "avx2,fma")]);
 
-/// Which compilation of the operations a vector uses.
+/// Compilation of the operations that a vector uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Operations(Compilation);
 
@@ -387,7 +387,7 @@ impl Operations {
         }
     }
 
-    /// Whether every number is finite.
+    /// Returns `true` if every number is finite.
     #[inline]
     pub(crate) fn all_finite(self, x: &[Block]) -> bool {
         match self.0 {

@@ -20,7 +20,7 @@ pub(super) struct CheckArguments {
     files: Files,
     #[command(flatten)]
     model: ModelArguments,
-    /// How diagnostics are printed; JSON goes to standard output
+    /// Format of diagnostics; JSON goes to standard output
     #[arg(long, value_enum, default_value_t)]
     format: Format,
     /// Evaluate the drift of declared invariants along a nominal episode

@@ -32,7 +32,8 @@ pub(super) struct CompileArguments {
     file: PathBuf,
     #[command(flatten)]
     model: ModelArguments,
-    /// Where the compiled model goes (default: beside the model); with --emit, where the stage goes (default: standard output)
+    /// File of the compiled model (default: next to the model); with --emit, file of the stage
+    /// (default: standard output)
     #[arg(short, long, value_name = "FILE.smplc")]
     output: Option<PathBuf>,
     /// Print a stage of the compilation in place of writing the compiled model
@@ -99,7 +100,7 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     outputs::conclude(&summary(&loaded.model, loading, &out)?, &[Some(&out)])
 }
 
-/// What was compiled; `loading` is the time from the text to the compiled model.
+/// Summary of the compilation; `loading` is the time from the text to the compiled model.
 fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path) -> Result<String, Failed> {
     let interface = model.interface();
     let statistics = model.statistics();

@@ -30,13 +30,13 @@ pub(super) struct DocArguments {
     file: PathBuf,
     #[command(flatten)]
     model: ModelArguments,
-    /// Where the Markdown goes (default: standard output)
+    /// File of the Markdown (default: standard output)
     #[arg(short, long, value_name = "FILE.md")]
     output: Option<PathBuf>,
     /// Draw the flowsheet and an episode under the nominal policy into this folder, and show them on the page
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
-    /// What the picture of the episode shows: names of quantities, `states`, `actions`, ...
+    /// Quantities in the picture of the episode: names, `states`, `actions`, ...
     #[arg(long, value_name = "NAME,...", requires = "pictures")]
     show: Vec<String>,
 }
@@ -61,7 +61,7 @@ pub(super) fn format(arguments: &FormatArguments) -> Result<(), Failed> {
     if faulty { Err(Failed::Quiet(1)) } else { Ok(()) }
 }
 
-/// Whether the file's layout is (or was) not the canonical one.
+/// Returns `true` if the file's layout is (or was) not the canonical one.
 fn format_file(file: &Path, check: bool) -> Result<bool, Failed> {
     let text = read(file)?;
     let formatted = smpl_dsl::format::format(&text).map_err(|diagnostics| {

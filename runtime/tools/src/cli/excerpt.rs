@@ -1,4 +1,4 @@
-//! What of a text is shown with a diagnostic: the lines around its marks, long ones cut.
+//! Excerpt of a text for a diagnostic: the lines around its marks, long ones shortened.
 
 use std::borrow::Cow;
 
@@ -8,7 +8,7 @@ use smpl_dsl::span::Span;
 
 /// Longer lines are cut: nobody reads them, and the renderer cannot count their columns.
 const LONG_LINE: usize = 400;
-/// What is shown of a line before its first mark.
+/// Length of the part of a line shown before its first mark.
 const BEFORE: usize = 100;
 /// Marks farther away from the first one than this are told in words.
 const FAR: usize = 1000;
@@ -28,13 +28,13 @@ pub(super) struct Excerpt {
 /// A line of the text, and the part of it that is shown.
 #[derive(Debug)]
 struct Line {
-    /// Where it begins in the text, and where it ends.
+    /// Start and end in the text.
     start: usize,
     end: usize,
     /// The part that is shown.
     from: usize,
     to: usize,
-    /// Where that part begins in the excerpt.
+    /// Start of that part in the excerpt.
     at: usize,
 }
 

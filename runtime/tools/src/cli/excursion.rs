@@ -12,7 +12,7 @@ pub(super) struct Excursion {
     worst: Option<Worst>,
 }
 
-/// Where it was.
+/// Time and place.
 #[derive(Debug)]
 struct Worst {
     /// Place among the states.

@@ -27,7 +27,7 @@ pub(super) struct ExportArguments {
     to: Target,
     #[command(flatten)]
     model: ModelArguments,
-    /// Where it goes; further files of the form stand beside it (default: standard output)
+    /// Output file; further files of the form are next to it (default: standard output)
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
 }

@@ -60,7 +60,7 @@ fn interpreters() -> Vec<PathBuf> {
     there.filter(|file| file.is_file()).chain(names.map(PathBuf::from)).collect()
 }
 
-/// Whether a Python finds the package, without loading it.
+/// Returns `true` if a Python finds the package, without loading it.
 fn has_package(python: &PathBuf) -> bool {
     let ask = "import sys, importlib.util as u; sys.exit(u.find_spec('smpl') is None or u.find_spec('smpl.fit') is None)";
     let mut command = Command::new(python);

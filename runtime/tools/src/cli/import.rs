@@ -18,7 +18,7 @@ pub(super) struct ImportArguments {
     /// Model in SBML, Level 2 or 3
     #[arg(value_name = "FILE.xml")]
     file: PathBuf,
-    /// Where the model goes (default: standard output)
+    /// File of the model (default: standard output)
     #[arg(short, long, value_name = "OUT.eq")]
     output: Option<PathBuf>,
 }

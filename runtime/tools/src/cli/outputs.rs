@@ -1,4 +1,4 @@
-//! Where results go: never over what the command reads.
+//! Output files, which never replace an input of the command.
 
 use std::path::{Path, PathBuf};
 

@@ -87,7 +87,8 @@ pub(super) struct PlotArguments {
     /// The picture
     #[arg(short, long, value_name = "P.svg|png|pdf|html", value_parser = picture)]
     output: PathBuf,
-    /// What it shows: names of quantities or columns, `states`, `actions`, ...; see the documentation
+    /// Shown quantities: names of quantities or columns, `states`, `actions`, ...; see the
+    /// documentation
     #[arg(long, value_name = "NAME,...")]
     show: Vec<String>,
     /// The model that made the tables: units, bounds, set-points and names of phases come from it

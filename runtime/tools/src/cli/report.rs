@@ -1,4 +1,4 @@
-//! How commands fail, and how faults are shown.
+//! Errors of commands, and display of diagnostics.
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
@@ -16,7 +16,7 @@ use smpl_runtime::load::LoadError;
 use smpl_runtime::setup::SetupError;
 use smpl_runtime::trajectory::{DataError, WriteError};
 
-/// Why a command ends early.
+/// Reason why a command ends early.
 #[derive(Debug)]
 pub(super) enum Failed {
     /// Everything was said already.

@@ -27,12 +27,12 @@ use smpl_runtime::trajectory::{Recorder, Table};
 /// Most runs of a command.
 const MOST_RUNS: usize = 10_000_000;
 
-/// What a sweep changes.
+/// Target of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Target {
     /// The scenario.
     Scenario,
-    /// Where actions come from.
+    /// Source of actions.
     Policy,
     /// A switch or a choice.
     Variant,
@@ -53,11 +53,11 @@ struct Point {
     policy: String,
     /// The values, one a sweep.
     values: Vec<Value>,
-    /// Why no run begins there.
+    /// Reason why a run cannot start.
     broken: Option<String>,
 }
 
-/// How a run went.
+/// Result of a run.
 struct Outcome {
     steps: u32,
     time: f64,
@@ -73,7 +73,7 @@ struct Outcome {
     excursion: Option<String>,
 }
 
-/// What a run ended in.
+/// End of a run.
 #[derive(Clone, Debug, PartialEq)]
 enum End {
     Success,
@@ -350,7 +350,7 @@ fn add(outcome: &mut Outcome, environment: &mut Environment, result: &StepResult
     };
 }
 
-/// What is printed: how many runs, returns, ends, and a line for each combination.
+/// Printed summary: number of runs, returns, ends, and a line for each combination.
 fn said(keys: &table::Keys<'_>, outcomes: &[Outcome], spent: f64) -> String {
     let steps: u64 = outcomes.iter().map(|o| u64::from(o.steps)).sum();
     let interface = keys.points[0].setup.model().interface();

@@ -43,7 +43,7 @@ pub(super) struct SimulateArguments {
     /// Number of steps, in place of the time limit
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     steps: Option<u32>,
-    /// Where the episode starts
+    /// Start of the episode
     #[arg(long, value_enum, default_value_t)]
     start: StartArgument,
     /// Initial values: one row, columns named as states, discrete variables or guesses of algebraic ones; or a table of `smpl steady --out`
@@ -70,7 +70,7 @@ pub(super) struct SimulateArguments {
     /// Longest internal step, in the model's unit of time
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     max_step: Option<f64>,
-    /// What takes the steps: ida, rosenbrock, explicit or auto
+    /// Integration method: ida, rosenbrock, explicit or auto
     #[arg(long, value_name = "METHOD", value_parser = ["ida", "rosenbrock", "explicit", "auto"])]
     method: Option<String>,
     /// Table of the trajectory, CSV or Parquet
@@ -79,7 +79,8 @@ pub(super) struct SimulateArguments {
     /// Picture of the run: SVG, PNG, PDF, or HTML to look into
     #[arg(long, value_name = "P.svg|png|pdf|html", value_parser = plot::picture)]
     pub(super) plot: Option<PathBuf>,
-    /// What the picture shows: names of quantities, `states`, `observations`, `outputs`, `actions`, `discretes`, `rewards`, `all`
+    /// Quantities in the picture: names, `states`, `observations`, `outputs`, `actions`,
+    /// `discretes`, `rewards`, `all`
     #[arg(long, value_name = "NAME,...", requires = "plot")]
     pub(super) show: Vec<String>,
     /// Go on after the end of the episode
@@ -131,7 +132,7 @@ fn tolerance(text: &str) -> Result<f64, String> {
 }
 
 impl SimulateArguments {
-    /// Whether many episodes are asked for.
+    /// Returns `true` if many episodes are asked for.
     pub(super) fn is_many(&self) -> bool {
         self.episodes.is_some() || !self.sweep.is_empty() || self.summary.is_some()
     }
@@ -220,7 +221,7 @@ impl SimulateArguments {
         texts.into_iter().chain(data_files(self))
     }
 
-    /// What the run depends on, in words.
+    /// Description of the run's inputs.
     pub(super) fn circumstances(&self) -> String {
         let actions = match &self.actions {
             Some(path) => format!("actions of {}", path.file_name().unwrap_or_default().display()),
@@ -285,7 +286,7 @@ impl SimulateArguments {
         Clock { step: setup.model().interface().episode.step, between: self.resample, most: setup.max_steps() as usize }
     }
 
-    /// How episodes begin.
+    /// Start of episodes.
     pub(crate) fn reset_options(&self, setup: &Setup) -> Result<ResetOptions, Failed> {
         let start = match self.start {
             StartArgument::Sampled => Start::Sampled,
@@ -324,7 +325,7 @@ impl SimulateArguments {
     }
 }
 
-/// How the episode ended before its time limit.
+/// End of the episode before its time limit.
 pub(super) fn early_end(environment: &mut Environment) -> Option<String> {
     match environment.last().copied() {
         Some(r) if r.failure.is_some() => Some(format!("failed: {}", environment.failure_message())),

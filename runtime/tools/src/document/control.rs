@@ -150,7 +150,7 @@ fn assignment(left: &Expr, right: &Expr) -> String {
     format!("{} = {}", latex::expression(left), latex::expression(right))
 }
 
-/// What a statement of an instant changes.
+/// Target of a statement of an instant.
 fn change(statement: &Statement) -> Option<String> {
     Some(match &statement.kind {
         StatementKind::Next { target, value, binders } | StatementKind::Reset { target, value, binders } => {

@@ -44,7 +44,7 @@ impl<'s> Writer<'s> {
         }
     }
 
-    /// What a declaration says about a column.
+    /// Value of a declaration for a column.
     fn cell(&self, column: &str, d: &Declaration) -> String {
         let inline = |value: &Option<Expr>| value.as_ref().map(|e| self.inline(e)).unwrap_or_default();
         match column {
@@ -69,7 +69,7 @@ impl<'s> Writer<'s> {
         }
     }
 
-    /// Where values are kept in.
+    /// Bounds of values.
     pub(super) fn clip(&self, clip: &Clip) -> String {
         match clip {
             Clip::Bounds(_) => ", kept within its bounds".to_owned(),
@@ -93,7 +93,7 @@ impl<'s> Writer<'s> {
         }
     }
 
-    /// What gives a model its structure; false for other statements.
+    /// Writes statements of the model's structure; returns false for others.
     pub(super) fn structure(&mut self, kind: &'s StatementKind) -> bool {
         match kind {
             StatementKind::Time { name, unit } => {

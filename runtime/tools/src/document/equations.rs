@@ -1,4 +1,4 @@
-//! What defines the quantities of a file, typeset: equations, named expressions, functions, fluxes.
+//! Typeset definitions of a file: equations, named expressions, functions, fluxes.
 
 use smpl_dsl::latex;
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Role, Statement, StatementKind};

@@ -72,7 +72,7 @@ struct Plant<'s> {
     quantities: BTreeSet<&'s str>,
     /// Arrows between units, full where they are connections.
     edges: BTreeMap<(usize, usize), bool>,
-    /// What comes from the rest of the model, and goes there.
+    /// Arrows from and to the rest of the model.
     feeds: BTreeMap<usize, Vec<&'s str>>,
     products: BTreeMap<usize, Vec<&'s str>>,
 }
@@ -256,7 +256,7 @@ impl<'s> Plant<'s> {
     }
 }
 
-/// How far a walk along the arrows is with a unit.
+/// Progress of a walk along the arrows at a unit.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Visit {
     Not,

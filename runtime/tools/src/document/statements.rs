@@ -235,7 +235,7 @@ impl<'s> Writer<'s> {
         }
     }
 
-    /// What an import brings stands in its place, once.
+    /// Statements of an import, at its place, once.
     fn import(&mut self, path: &str) {
         self.block(&format!("From {}:", code(path)));
         if let Some(&file) = self.source.imports.get(path) {
@@ -255,7 +255,7 @@ impl<'s> Writer<'s> {
         self.alternatives.push(Alternative { title, text: String::new(), body });
     }
 
-    /// Where an alternative belongs.
+    /// Place of an alternative.
     fn place(&self) -> String {
         self.inside.map(|name| format!(" in {}", code(name))).unwrap_or_default()
     }

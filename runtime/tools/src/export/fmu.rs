@@ -10,7 +10,7 @@ use super::archive;
 pub struct Fmu {
     /// The archive.
     pub bytes: Vec<u8>,
-    /// Why it has no binary, if it has none.
+    /// Reason why it has no binary, if it has none.
     pub without_binary: Option<String>,
 }
 

@@ -15,11 +15,11 @@ use super::xml::Fault;
 /// Before the text of a unit that stands in place of an id.
 pub(super) const LITERAL: char = '=';
 
-/// What is said of the file at the head of the text.
+/// Comment on the file at the head of the text.
 pub(super) struct Head<'a> {
     /// Name of the file.
     pub(super) file: &'a str,
-    /// Why units are told in words only; none where they are declared.
+    /// Reason why units are in descriptions only; `None` if they are declared.
     pub(super) bare: Option<&'a str>,
 }
 
@@ -117,7 +117,7 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
     Ok(c.out)
 }
 
-/// Whether all units of the model have symbols in the language; else the first that has none.
+/// Returns `true` if all units of the model have symbols in the language; else the first that has none.
 pub(super) fn unit_without_symbols(sbml: &Sbml) -> Option<String> {
     let own = sbml.symbols.iter().flat_map(|s| {
         let substance = if let Kind::Species { substance, .. } = &s.kind { substance.clone() } else { None };

@@ -15,7 +15,7 @@ pub(super) struct Sbml {
     pub(super) version: u32,
     pub(super) id: String,
     pub(super) name: String,
-    /// What the model says of itself, as plain text.
+    /// Notes of the model, as plain text.
     pub(super) notes: String,
     /// Packages that are not needed and not carried.
     pub(super) packages: Vec<String>,
@@ -46,7 +46,7 @@ pub(super) struct UnitPart {
     pub(super) multiplier: f64,
 }
 
-/// What kind of thing a symbol is.
+/// Kind of a symbol.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
     Compartment {

@@ -144,7 +144,7 @@ impl Conversion<'_> {
         })
     }
 
-    /// What an expression reads, named expressions gone through.
+    /// Names that an expression reads, including those of named expressions.
     pub(super) fn read_by(&self, math: &Math) -> Vec<String> {
         let mut found: Vec<String> = vec![];
         let mut stack = math.names();

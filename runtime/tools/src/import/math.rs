@@ -395,7 +395,7 @@ impl Math {
         })
     }
 
-    /// Whether it is a truth value.
+    /// Returns `true` if it is a truth value.
     pub(super) fn is_condition(&self) -> bool {
         match self {
             Math::Apply(f, _) => matches!(*f, "==" | "!=" | ">" | "<" | ">=" | "<=" | "and" | "or" | "xor" | "not" | "implies"),

@@ -1,4 +1,5 @@
-//! What each symbol of an SBML model becomes: parameter, state, discrete variable, named expression or algebraic variable.
+//! Roles of the symbols of an SBML model: parameter, state, discrete variable, named expression or
+//! algebraic variable.
 
 use std::collections::{HashMap, HashSet};
 
@@ -6,7 +7,7 @@ use super::document::{Event, Kind, Sbml, Symbol, Target};
 use super::math::Math;
 use super::xml::Fault;
 
-/// What a symbol becomes.
+/// Role of a symbol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     /// It never changes.

@@ -13,7 +13,7 @@ pub(super) struct Trigger {
     pub(super) plain: bool,
 }
 
-/// Which comparisons occur in a condition.
+/// Comparisons of a condition.
 struct Seen<'a> {
     strict: bool,
     weak: bool,

@@ -52,7 +52,7 @@ const PREFIXES: [(i32, &str); 11] =
 /// Multiples of the second with a symbol of their own.
 const TIMES: [(f64, &str); 5] = [(60.0, "min"), (3600.0, "h"), (86_400.0, "d"), (604_800.0, "week"), (31_536_000.0, "year")];
 
-/// What SBML Level 2 means where nothing is defined.
+/// Default units of SBML Level 2.
 const USUAL: [(&str, Symbols); 5] = [
     ("substance", &[("mol", 1.0)]),
     ("volume", &[("L", 1.0)]),

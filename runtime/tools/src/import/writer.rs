@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::math::Math;
 
-/// How tightly the parts of an expression hold together.
+/// Binding strength of an expression.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     If,

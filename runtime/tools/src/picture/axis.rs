@@ -37,7 +37,7 @@ impl Axis {
         Self { low, high, ticks, exponent, decimals }
     }
 
-    /// Where a value lies, from 0 to 1.
+    /// Position of a value, from 0 to 1.
     pub(super) fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }

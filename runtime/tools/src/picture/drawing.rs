@@ -34,14 +34,14 @@ impl Frame {
         self.y + self.height
     }
 
-    /// Whether two rectangles share more than an edge.
+    /// Returns `true` if two rectangles share more than an edge.
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
         self.x < other.right() && other.x < self.right() && self.y < other.bottom() && other.y < self.bottom()
     }
 }
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stroke {
     /// Colour.
@@ -60,7 +60,7 @@ impl Stroke {
     }
 }
 
-/// Which point of a text its place is.
+/// Anchor of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// Its beginning.
@@ -101,7 +101,7 @@ impl Text {
         font::width(&self.letters, self.size, self.weight)
     }
 
-    /// Where its letters begin.
+    /// Start of its letters.
     #[must_use]
     pub fn left(&self) -> f64 {
         match self.anchor {
@@ -119,10 +119,10 @@ impl Text {
     }
 }
 
-/// What marks between [`Mark::Open`] and [`Mark::Close`] belong to, for pictures that move.
+/// Owner of the marks between [`Mark::Open`] and [`Mark::Close`], for interactive pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// What follows the abscissa of a panel: curves, bands, marks.
+    /// Marks that follow the abscissa of a panel: curves, bands, marks.
     Curves(usize),
     /// Ticks of its abscissa with their labels.
     Ticks(usize),
@@ -141,7 +141,7 @@ pub enum Mark {
     Dots(Vec<(f64, f64)>, f64, Colour),
     /// Cells of equal size, row by row from the upper left.
     Image {
-        /// Where.
+        /// Place.
         frame: Frame,
         /// Cells of a row.
         columns: usize,
@@ -163,7 +163,7 @@ pub struct Drawing {
     pub width: f64,
     /// Height.
     pub height: f64,
-    /// What it is a picture of, for those who cannot see it.
+    /// Alternative text of the picture.
     pub title: String,
     /// Marks, painted in order.
     pub marks: Vec<Mark>,

@@ -1,4 +1,5 @@
-//! What can be shown: the quantities of a model, or the columns of a table of which no more is known than their names.
+//! Quantities that can be shown: those of a model, or the columns of a table of which only the
+//! names are known.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use smpl_runtime::catalogue::Family;
 use smpl_runtime::environment::Followed;
 use smpl_runtime::setup::Setup;
 
-/// What a quantity is.
+/// Kind of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
     /// Observed.
@@ -43,7 +44,7 @@ impl Role {
         ("rewards", Role::Reward),
     ];
 
-    /// Whether values hold over the step that ends where they stand.
+    /// Returns `true` if values hold over the step that ends where they stand.
     pub(super) fn is_held(self) -> bool {
         matches!(self, Role::Action | Role::Disturbance | Role::Reward)
     }
@@ -62,7 +63,7 @@ pub struct Member {
     pub high: f64,
     /// Its set-point, where it has one.
     pub target: Option<f64>,
-    /// Where its values come from within steps.
+    /// Source of its values within steps.
     pub(crate) source: Option<Followed>,
 }
 
@@ -75,11 +76,11 @@ pub struct Index {
     pub labels: Vec<String>,
     /// They are numbers one after another, as those of cells are.
     pub numbers: bool,
-    /// Where the cells lie, where they are those of a domain.
+    /// Positions of the cells of a domain.
     pub space: Option<Arc<Space>>,
 }
 
-/// Where the cells of a domain lie.
+/// Positions of the cells of a domain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Space {
     /// Name of the domain.
@@ -97,7 +98,7 @@ pub(super) const UNNAMED: &str = "index";
 const LEAST_CELLS: usize = 8;
 
 impl Index {
-    /// Whether it counts the cells of a domain.
+    /// Returns `true` if it counts the cells of a domain.
     #[must_use]
     pub(crate) fn is_space(&self) -> bool {
         self.numbers && self.labels.len() >= LEAST_CELLS
@@ -109,7 +110,7 @@ impl Index {
 pub struct Item {
     /// Name without indices.
     pub name: String,
-    /// What it is.
+    /// Kind.
     pub role: Role,
     /// Unit as declared; empty where it is not known.
     pub unit: String,
@@ -119,7 +120,7 @@ pub struct Item {
     pub indices: Vec<Index>,
     /// Its numbers, the last index fastest.
     pub members: Vec<Member>,
-    /// Whether the agent sees it, or some of it.
+    /// True if the agent sees it, or some of it.
     pub observed: bool,
 }
 
@@ -161,7 +162,7 @@ fn spaces(grids: &[Grid]) -> Vec<Option<Arc<Space>>> {
     grids.iter().map(|grid| (!grid.faces.is_empty()).then(|| Arc::new(space(grid)))).collect()
 }
 
-/// Whether cells lie where the compiled model says: the parameters that it computed them from have the values that they had.
+/// Returns `true` if cells lie where the compiled model says: the parameters that it computed them from have the values that they had.
 #[must_use]
 pub fn knows_space(setup: &Setup, parameters: &[f64]) -> bool {
     let model = setup.model();

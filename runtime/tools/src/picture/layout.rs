@@ -29,7 +29,7 @@ const SERIES: f64 = 13.0;
 /// Height of a line of the footer.
 const FOOT: f64 = 13.0;
 
-/// What stands above everything.
+/// Heading of the page.
 #[derive(Clone, Debug, Default)]
 pub struct Heading {
     /// First line.
@@ -43,7 +43,7 @@ pub struct Heading {
 /// A panel with its place.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    /// Where curves are.
+    /// Area of the curves.
     pub plot: Frame,
     /// Abscissa.
     pub x: Axis,
@@ -158,7 +158,7 @@ fn write_heading(drawing: &mut Drawing, heading: &Heading, room: f64) {
     }
 }
 
-/// Where the cells of a page are.
+/// Grid of a page.
 struct Grid {
     columns: usize,
     count: usize,
@@ -206,7 +206,7 @@ impl Grid {
         self.top + self.cell * self.count.div_ceil(self.columns).max(1) as f64
     }
 
-    /// Whether the name of the abscissa stands below a panel: it is not time, or time of no panel stands below.
+    /// Returns `true` if the name of the abscissa stands below a panel: it is not time, or time of no panel stands below.
     fn is_free(&self, index: usize, panels: &Panels) -> bool {
         let over_space = |i: usize| panels.panels.get(i).is_none_or(|p| p.over_space);
         over_space(index) || over_space(index + self.columns)

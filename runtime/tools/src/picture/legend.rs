@@ -1,4 +1,4 @@
-//! What the marks of a picture mean, in lines below its heading.
+//! Legend of a picture, in lines below its heading.
 
 use super::colour;
 use super::drawing::{Anchor, Colour, Drawing, Frame, Mark, Stroke, Text};
@@ -122,12 +122,12 @@ fn guides(panels: &Panels) -> Vec<Entry> {
     [bound, target, dots].into_iter().flatten().collect()
 }
 
-/// How bounds are drawn.
+/// Style of bounds.
 pub(super) fn bound() -> Stroke {
     Stroke { colour: Colour(90, 90, 90), width: 1.0, dashes: BOUND }
 }
 
-/// How set-points are drawn.
+/// Style of set-points.
 pub(super) fn target() -> Stroke {
     Stroke { colour: Colour(0, 0, 0), width: 1.6, dashes: TARGET }
 }

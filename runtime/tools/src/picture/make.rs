@@ -9,13 +9,13 @@ use smpl_runtime::environment::{Environment, ResetError, ResetOptions, StepError
 use smpl_runtime::setup::{Setup, SetupError};
 use smpl_runtime::trajectory::{DataError, Recorder};
 
-/// Why saved tables cannot be drawn.
+/// Reason why saved tables cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum SavedError {
     /// A table is at fault.
     #[error(transparent)]
     Data(#[from] DataError),
-    /// What is to be shown is not there, or too much.
+    /// The requested quantities are missing or too many.
     #[error(transparent)]
     Show(#[from] ShowError),
 }
@@ -49,7 +49,7 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
     })
 }
 
-/// Whether cells lie where the model says in the run of a table: no column says that a parameter which places them had a value of its own.
+/// Returns `true` if cells lie where the model says in the run of a table: no column says that a parameter which places them had a value of its own.
 fn tells_space(setup: &Setup, run: &Run) -> bool {
     let model = setup.model();
     let places: HashSet<usize> = model
@@ -77,10 +77,10 @@ fn title(paths: &[PathBuf]) -> String {
     names.join(", ")
 }
 
-/// Why a model alone cannot be drawn.
+/// Reason why a model alone cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum NominalError {
-    /// What is to be shown is not there, or too much.
+    /// The requested quantities are missing or too many.
     #[error(transparent)]
     Show(#[from] ShowError),
     /// There is no environment.

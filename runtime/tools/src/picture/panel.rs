@@ -21,11 +21,11 @@ pub(super) struct Panel {
     pub over_space: bool,
     /// Name and unit of the coordinate in space: `cell` where the places of cells are not known.
     pub coordinate: (String, String),
-    /// What is in it.
+    /// Content.
     pub body: Body,
 }
 
-/// What a panel shows.
+/// Content of a panel.
 #[derive(Clone, Debug)]
 pub(super) enum Body {
     /// Curves.
@@ -90,9 +90,9 @@ pub(super) struct Panels {
     pub time: (f64, f64),
     /// Unit of time; empty where it is not known.
     pub time_unit: String,
-    /// What the model's times are multiplied with.
+    /// Factor of the model's times.
     pub factor: f64,
-    /// What does not change and has no panel, in words.
+    /// Text on constant quantities without a panel.
     pub constants: Vec<String>,
     /// Names of what has no panel for want of room.
     pub left_out: Vec<String>,
@@ -241,7 +241,7 @@ fn role_colour(role: Role) -> Colour {
     }
 }
 
-/// Whether readings are anything else than what is read.
+/// Returns `true` if readings are anything else than what is read.
 fn differs(run: &Run, exact: &Line, reading: &Line) -> bool {
     let (Some(a), Some(b)) = (run.column(&exact.member.column), run.column(&reading.member.column)) else { return false };
     a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-9 * a.abs().max(b.abs()))

@@ -1,4 +1,4 @@
-//! Which panels a picture has: what `--show` asks for, or a sensible choice.
+//! Panels of a picture: those of `--show`, or a default selection.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ const MOST_CANDIDATES: usize = 200;
 /// Most panels of a page, whoever asks for them.
 const MOST_OF_PAGE: usize = 200;
 
-/// Why a picture cannot show what is asked for.
+/// Reason why a picture cannot show what is asked for.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
     /// A name that there is not.
@@ -38,11 +38,11 @@ pub struct PanelPlan {
     pub unit: String,
     /// Describing text.
     pub text: String,
-    /// What it is.
+    /// Kind.
     pub role: Role,
-    /// How it is shown.
+    /// Form of display.
     pub kind: Kind,
-    /// Where the cells lie that it shows, where that is known.
+    /// Positions of the shown cells, if known.
     pub space: Option<Arc<Space>>,
     /// Left out where there is no room and nothing changes.
     pub dispensable: bool,
@@ -71,7 +71,7 @@ pub enum Part {
     Reward,
 }
 
-/// How numbers are shown.
+/// Format of numbers.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// Curves over time; the most changing ones where there are more than fit.
@@ -89,7 +89,7 @@ pub enum Kind {
 pub struct Line {
     /// Name in the panel's legend.
     pub label: String,
-    /// What it is.
+    /// Kind.
     pub role: Role,
     /// Its number.
     pub member: Member,
@@ -205,7 +205,7 @@ fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
     }
 }
 
-/// Whether a label fits a pattern: `*` stands for any index, and indices that are left out too.
+/// Returns `true` if a label fits a pattern: `*` stands for any index, and indices that are left out too.
 fn matches(label: &str, pattern: &str) -> bool {
     let (labels, patterns): (Vec<&str>, Vec<&str>) = (label.split(',').collect(), pattern.split(',').collect());
     patterns.len() <= labels.len() && labels.iter().zip(&patterns).all(|(label, pattern)| *pattern == "*" || pattern == label)
@@ -306,7 +306,7 @@ fn together(name: &str, items: &[Item]) -> PanelPlan {
     }
 }
 
-/// Whether an observation is of a quantity that is there itself.
+/// Returns `true` if an observation is of a quantity that is there itself.
 fn is_shadow(items: &[Item], observation: &Item) -> bool {
     items.iter().any(|i| i.role != Role::Observation && i.role != Role::Reward && i.name == observation.name)
 }

@@ -1,4 +1,4 @@
-//! What is inside of a panel: axes, bands, marks, curves, maps.
+//! Content of a panel: axes, bands, marks, curves, maps.
 
 use super::colour;
 use super::drawing::{Anchor, Colour, Drawing, Frame, Group, Mark, Stroke, Text};
@@ -179,7 +179,7 @@ impl Pen<'_> {
         self.scale(map);
     }
 
-    /// What the colours of a map mean.
+    /// Colour scale of a map.
     fn scale(&mut self, map: &Map) {
         const SHADES: usize = 64;
         let plot = self.place.plot;

@@ -12,7 +12,7 @@ use smpl_runtime::trajectory::{Columns, DataError, Table};
 /// A run.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// What tells it from other runs.
+    /// Label that distinguishes it from other runs.
     pub label: String,
     names: Vec<String>,
     columns: HashMap<String, Vec<f64>>,
@@ -101,7 +101,7 @@ impl Run {
         self.column("time").map_or_else(|| (0..rows).map(|i| i as f64).collect(), <[f64]>::to_vec)
     }
 
-    /// Whether a column is empty in the first row and has numbers after it, as those of actions are.
+    /// Returns `true` if a column is empty in the first row and has numbers after it, as those of actions are.
     #[must_use]
     pub(crate) fn is_action(&self, name: &str) -> bool {
         let empty_first = |column: &[f64]| column.len() > 1 && column[0].is_nan() && column[1..].iter().any(|x| x.is_finite());
@@ -140,7 +140,7 @@ impl Run {
     }
 }
 
-/// What holds over the step that ends where it stands, as a staircase.
+/// Staircase of values that hold over the step which ends at their row.
 fn staircase(time: &[f64], values: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut times, mut stairs) = (Vec::with_capacity(2 * time.len()), Vec::with_capacity(2 * time.len()));
     let mut before: Option<f64> = None;
@@ -156,7 +156,7 @@ fn staircase(time: &[f64], values: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (times, stairs)
 }
 
-/// What a [`Follower`] saw.
+/// Values recorded by a [`Follower`].
 #[derive(Clone, Debug, Default)]
 pub struct Followings {
     curves: Dense,

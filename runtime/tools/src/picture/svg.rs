@@ -29,7 +29,7 @@ pub(super) fn text(drawing: &Drawing) -> String {
     out
 }
 
-/// What may be seen of the groups of curves.
+/// Visible part of the groups of curves.
 fn clips(out: &mut String, drawing: &Drawing) {
     out.push_str("<defs>\n");
     for mark in &drawing.marks {

@@ -24,7 +24,7 @@ pub(super) struct Rows<'a> {
     pub lower: &'a [Vec<u32>],
     /// Columns of U without its diagonal.
     pub upper: &'a [Vec<u32>],
-    /// Where factors go: those of L, row by row,
+    /// Places of factors: those of L, row by row,
     pub lower_places: Vec<Vec<u32>>,
     /// those of U,
     pub upper_places: Vec<Vec<u32>>,
@@ -44,7 +44,7 @@ impl Rows<'_> {
     }
 }
 
-/// What a number is. L and the pivots have places among the factors.
+/// Kind of a number. L and the pivots have places among the factors.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     /// Minus an entry of L; the pivot of its column, its place.
@@ -209,7 +209,7 @@ fn finish(numbers: &mut [Number], number: u32) {
     numbers[number as usize].level = before.map(|before| numbers[before as usize].level + 1).max().unwrap_or(0);
 }
 
-/// Where what a number is computed from stands.
+/// Places of the operands of a number.
 fn operands(number: &Number, slots: &[u32]) -> (Vec<(u32, u32)>, Option<u32>, Option<u32>) {
     let slot = |at: u32| slots[at as usize];
     let pivot = if let Kind::Lower(pivot, _) = number.kind { Some(slot(pivot)) } else { None };

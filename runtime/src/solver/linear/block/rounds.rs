@@ -16,7 +16,7 @@ struct Elimination {
     neighbours: Vec<Vec<u32>>,
     /// The last round that a node was taken in, or a neighbour of it.
     round: Vec<u32>,
-    /// What there is left of the effort.
+    /// Remaining effort.
     effort: usize,
     merged: Vec<u32>,
 }

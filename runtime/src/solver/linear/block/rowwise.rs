@@ -25,7 +25,7 @@ impl Triangle {
     }
 }
 
-/// Where lists begin that stand one after the other, and the end of the last.
+/// Starts of consecutive lists, and the end of the last one.
 fn starts<T>(lists: &[Vec<T>]) -> Box<[u32]> {
     let ends = lists.iter().scan(0, |end, list| {
         *end += list.len() as u32;

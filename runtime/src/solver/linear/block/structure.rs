@@ -1,4 +1,4 @@
-//! What is known of a factorisation before there are numbers, and the factorisation of one block by it.
+//! Structure of a factorisation without numbers, and the factorisation of one block by it.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -35,7 +35,7 @@ pub(super) struct Small {
     places: Vec<u32>,
 }
 
-/// How far [`Small`] was walked through.
+/// Position in [`Small`].
 pub(super) struct Cursor<'a> {
     counts: std::slice::Iter<'a, (u32, u32)>,
     inside: &'a [Move],
@@ -161,7 +161,7 @@ fn invert<const N: usize, const L: usize>(a: &mut [[[f64; L]; N]; N]) -> bool {
 /// Products for each entry of the factors up to which they are listed.
 const LISTED: usize = 16;
 
-/// How a large block is factorised.
+/// Factorisation of a large block.
 enum Factorisation {
     Levels(Elimination),
     Rows(RowWise),
@@ -377,7 +377,7 @@ impl Draft {
     }
 }
 
-/// What [`Small`] holds of a block.
+/// Data of a block in [`Small`].
 struct Items {
     size: u8,
     inside: Vec<Move>,

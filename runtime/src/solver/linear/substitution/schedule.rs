@@ -1,11 +1,11 @@
-//! Which sums are done together, and in what order.
+//! Grouping and order of sums.
 
 use std::collections::HashMap;
 
 /// Sums in a chunk.
 pub(super) const LANES: usize = 4;
 
-/// What a term of a sum is multiplied with.
+/// Factor of a term of a sum.
 #[derive(Clone, Copy)]
 pub(in super::super) enum Source {
     /// This row of the right-hand side.
@@ -14,7 +14,7 @@ pub(in super::super) enum Source {
     Sum(u32),
 }
 
-/// Where the factors of sums stand.
+/// Places of the factors of sums.
 pub(in super::super) struct Places(Vec<Vec<u32>>);
 
 impl Places {
@@ -96,7 +96,7 @@ impl Turns {
     }
 }
 
-/// What sums cost one by one.
+/// Cost of separate sums.
 fn cost_apart(lists: &[&[Term]]) -> u32 {
     lists.iter().map(|terms| CHUNK + terms.len() as u32 * LOAD).sum()
 }
@@ -107,7 +107,7 @@ pub(super) struct Schedule {
     pub operands: Vec<u32>,
     /// Number of factors.
     pub factors: usize,
-    /// Where the result of each sum stands.
+    /// Place of the result of each sum.
     pub slots: Vec<u32>,
     /// End of the results.
     pub end: u32,
@@ -212,7 +212,7 @@ impl Schedule {
     }
 }
 
-/// What the sums of a group cost in this order.
+/// Cost of the sums of a group in this order.
 fn cost(order: &[usize], terms: &HashMap<usize, Vec<Term>>, limit: u32) -> u32 {
     let chunk = |lanes: &[usize]| {
         let lists: Vec<&[Term]> = lanes.iter().map(|sum| terms[sum].as_slice()).collect();

@@ -7,7 +7,7 @@ use smpl_runtime::failure::Short;
 use smpl_runtime::scenario::Value;
 use smpl_runtime::trajectory::{Cell, Kind, Table};
 
-/// What tells one run from another.
+/// Columns that distinguish runs.
 pub(super) struct Keys<'a> {
     pub arguments: &'a SimulateArguments,
     pub points: &'a [Point],
@@ -60,7 +60,7 @@ impl Keys<'_> {
         self.arguments.seed.wrapping_add((index % self.episodes) as u64)
     }
 
-    /// What a run is called in a legend.
+    /// Name of a run in a legend.
     fn label(&self, index: usize) -> String {
         let sweeps = self.arguments.sweep.iter().zip(&self.point(index).values).map(|(s, value)| format!("{} = {}", s.name, shown(value)));
         let seed = (self.episodes > 1).then(|| format!("seed {}", self.seed(index)));
