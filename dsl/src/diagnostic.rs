@@ -44,12 +44,12 @@ pub enum Severity {
     Error,
 }
 
-/// A place and what is to be said about it.
+/// A place and the message about it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Label {
     /// The place.
     pub span: Span,
-    /// The text shown beside it; may be empty.
+    /// The text shown next to it; may be empty.
     pub text: String,
 }
 
@@ -60,7 +60,7 @@ pub struct Diagnostic {
     pub code: Code,
     /// Severity.
     pub severity: Severity,
-    /// One sentence, without a full stop, that can stand alone.
+    /// One sentence, without a full stop, that can be alone.
     pub message: String,
     /// Place of the fault.
     pub primary: Label,
@@ -70,7 +70,7 @@ pub struct Diagnostic {
     pub help: Option<String>,
     /// Further facts.
     pub notes: Vec<String>,
-    /// The name that is at fault in what was asked for, which has no place in the text of a model: who knows where it stands puts it there.
+    /// The invalid name of a request, without a place in the text of a model; a caller that knows the place adds it.
     pub asked: Option<String>,
 }
 
@@ -100,7 +100,7 @@ impl Diagnostic {
         }
     }
 
-    /// Sets the text beside the primary place.
+    /// Sets the text next to the primary place.
     #[must_use]
     pub fn label(mut self, text: impl Into<String>) -> Self {
         self.primary.text = text.into();
@@ -137,7 +137,7 @@ impl Diagnostic {
         self
     }
 
-    /// Says which name of what was asked for is at fault.
+    /// Sets the invalid name of the request.
     #[must_use]
     pub fn asked(mut self, name: impl Into<String>) -> Self {
         self.asked = Some(name.into());

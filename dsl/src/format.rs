@@ -1,6 +1,6 @@
 //! The canonical layout of a model's text.
 //!
-//! Statements stand on lines of their own, indented by two blanks a block; blank lines separate groups, one at a time. Consecutive declarations of one
+//! Statements are on their own lines, indented by two blanks a block; blank lines separate groups, one at a time. Consecutive declarations of one
 //! role are aligned in columns, and so are the two sides of consecutive equations and the cells of a table (by their starts, or where the
 //! author has aligned them by their ends or decimal points; the heads of columns and rows with units where the author has). Comments stay
 //! where they are. A long statement keeps its author's line breaks, with the indentation put right; `*`, `/`, `+` and `-` keep their
@@ -158,7 +158,7 @@ impl Formatter<'_> {
     }
 }
 
-/// A blank line, if there was one and something stands before it.
+/// A blank line, if there was one and something is before it.
 fn blank(rows: &mut Vec<Row>, newlines: usize) {
     if newlines > 1 && !rows.is_empty() && !matches!(rows.last(), Some(Row::Blank)) {
         rows.push(Row::Blank);

@@ -145,7 +145,7 @@ fn collect(expr: &Expr, owners: &mut Vec<String>, last: &mut Option<String>, ind
     }
 }
 
-/// An index or member of something that is no name.
+/// An index or member of something that is not a name.
 fn indexed_anyway(expr: &Expr) -> String {
     match &expr.kind {
         ExprKind::Index(base, own) => format!("{{{}}}_{{{}}}", typeset(base, Level::Atom), list(own)),

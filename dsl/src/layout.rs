@@ -42,7 +42,7 @@ pub(crate) struct Layout {
 pub(crate) struct RawStatement {
     /// First byte.
     pub(crate) start: usize,
-    /// One past the last byte of its own text (the block excluded).
+    /// One past the last byte of its text (the block excluded).
     pub(crate) end: usize,
     /// Its block, for the kinds of statement that hold statements.
     pub(crate) body: Option<RawBody>,

@@ -42,14 +42,14 @@ mod grammar {
 /// Result of parsing one file: the statements that could be read, and all faults found.
 #[derive(Clone, Debug, Default)]
 pub struct Parsed {
-    /// The syntax tree; statements at fault are left out.
+    /// The syntax tree; invalid statements are left out.
     pub file: File,
     /// Faults in the order of the text.
     pub diagnostics: Faults,
 }
 
 impl Parsed {
-    /// Returns `true` if nothing was at fault.
+    /// Returns `true` if nothing was invalid.
     #[must_use]
     pub fn is_ok(&self) -> bool {
         self.diagnostics.is_empty()
@@ -88,7 +88,7 @@ type Fallible<T> = Result<T, Box<Diagnostic>>;
 struct StatementParser<'t> {
     text: &'t str,
     file: FileId,
-    /// Keyword of the statement in whose block the present ones stand.
+    /// Keyword of the statement in whose block the present ones are.
     around: &'t str,
     diagnostics: Faults,
 }
@@ -102,7 +102,7 @@ impl<'t> StatementParser<'t> {
         statements
     }
 
-    /// Reads one statement. Its block is read even where its head is at fault, for the faults within.
+    /// Reads one statement. Its block is read even where its head is invalid, for the faults within.
     fn statement(&mut self, raw: &RawStatement, into: &mut Vec<Statement>) {
         let text: &'t str = self.text;
         let around = std::mem::replace(&mut self.around, leading_word(&text[raw.start..raw.end]));
@@ -145,7 +145,7 @@ impl<'t> StatementParser<'t> {
         let end = raw.start + word.len().max(text.chars().next().map_or(0, char::len_utf8));
         let place = span(self.file, raw.start, end);
         let message =
-            if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("`{word}` begins no statement") };
+            if word.is_empty() { "a statement begins with a keyword".to_owned() } else { format!("unknown statement keyword `{word}`") };
         Diagnostic::error(codes::UNKNOWN_STATEMENT, message, place)
             .label("expected a keyword such as `param`, `state`, `let` or `eq`")
             .maybe_help(message::statement_hint(word, text, self.around).or_else(|| did_you_mean(word, keywords())))

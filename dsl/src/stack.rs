@@ -1,4 +1,4 @@
-//! A stack of its own for what goes deep.
+//! A separate stack for deep recursion.
 //!
 //! Parsing, elaboration and code generation follow the nesting of a text, which has limits; but the thread of a caller may have a stack of
 //! any size, that of Python's `threading.stack_size` or of a small container.

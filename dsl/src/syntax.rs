@@ -39,7 +39,7 @@ pub struct Statement {
 
 /// The kinds of statement, each introduced by its own keyword.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 #[allow(clippy::large_enum_variant, reason = "statements are few and are moved once")]
 pub enum StatementKind {
     /// `model Reactor "text"`
@@ -421,7 +421,7 @@ pub struct Expr {
 
 /// The kinds of expression.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 pub enum ExprKind {
     /// `3.5`, `3.5 [m]`
     Number { value: f64, unit: Option<UnitExpr> },
@@ -493,7 +493,7 @@ pub struct UnitExpr {
 /// One factor of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnitFactor {
-    /// Symbol (`kJ`) or, inside `unit(x)`, the expression whose unit is meant.
+    /// Symbol (`kJ`) or, inside `unit(x)`, the expression whose unit is intended.
     pub base: UnitBase,
     /// Exponent as numerator and denominator.
     pub exponent: (i32, i32),

@@ -100,7 +100,7 @@ pub fn is_reserved(word: &str) -> bool {
 /// Words that mean something in one place only.
 const INSIDE: &[&str] = &["from", "linear", "bounds", "dt"];
 
-/// Returns `true` if the word has a meaning of its own somewhere in the language. A name may be one where it is no reserved word, but a writer of
+/// Returns `true` if the word has its own meaning somewhere in the language. A name may be one where it is not a reserved word, but a writer of
 /// texts does better without. What is built in is not among them.
 #[must_use]
 pub fn is_word(name: &str) -> bool {
@@ -109,7 +109,7 @@ pub fn is_word(name: &str) -> bool {
 
 /// Length of the name, keyword or unit symbol that a text begins with; zero if there is none.
 ///
-/// A degree sign begins a unit, and a percent sign ends one: `mol%` is a unit of its own, and a blank in between makes it another.
+/// A degree sign begins a unit, and a percent sign ends one: `mol%` is its own unit, and a blank in between makes it another.
 #[must_use]
 pub fn word(text: &str) -> usize {
     let first = text.chars().next().unwrap_or(' ');

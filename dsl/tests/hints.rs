@@ -11,7 +11,7 @@ fn common_slips_come_with_the_right_spelling() {
         ("d/dt x = 3", "an equation begins with `eq`: `eq d/dt x = ...`"),
         ("let x := 3", "write `=`; there is no `:=`"),
         ("let x = y ** 2", "a power is written `^`: `x^2`"),
-        ("let x = 2 y", "to multiply write `*`; a unit stands in brackets: `[y]`"),
+        ("let x = 2 y", "use `*` to multiply, or write a unit in brackets: `[y]`"),
         ("param x = 3 m", "a unit is written in brackets: `3 [m]`; to multiply write `*`"),
         ("let x = (a) b", "to multiply write `*`"),
         ("fail f when a = 1", "to compare write `==`"),
@@ -32,7 +32,7 @@ fn common_slips_come_with_the_right_spelling() {
             "table f over time { 0: 1, 1: 2 }",
             "the form is `table f : unit over time : h linear { 0: 1, 2: 3 }`, with `linear`, `from` or `until`",
         ),
-        ("param a = 1 ~ uniform(0, 2) in 0..3 clip bounds", "`clip` stands before the bounds: `~ uniform(a, b) clip bounds in low..high`"),
+        ("param a = 1 ~ uniform(0, 2) in 0..3 clip bounds", "write `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`"),
         ("connect a", "the form is `connect M1.outlet -> R1.inlet`"),
     ];
     let advice = |text: &str| parse(text, FileId(0)).diagnostics.iter().filter_map(|fault| fault.help.clone()).collect::<Vec<_>>();

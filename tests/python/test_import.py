@@ -184,7 +184,7 @@ def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("<sbml", "<sbml <", "this is no XML"),
+        ("<sbml", "<sbml <", "invalid XML"),
         ('level="3"', 'level="1"', "SBML Level 1 is not read"),
         (
             "</trigger>",
@@ -196,7 +196,7 @@ def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
         ('fast="false"', 'fast="true"', "the reaction `elimination` is fast"),
         ("<ci>threshold</ci>", "<ci>treshold</ci>", "unknown symbol `treshold`"),
         ('size="5"', "", "`plasma` has no value"),
-        ('id="k" value="0.3"', 'id="k" value="much"', "line 16: `much` is no number"),
+        ('id="k" value="0.3"', 'id="k" value="much"', "line 16: `much` is not a number"),
         ('id="out" compartment', 'id="drug" compartment', "the id `drug` is used twice"),
         (
             "<listOfEvents>",

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// The text with everything in it that a terminal would obey as a sign of its own: control characters as their pictures (`␛` for escape),
+/// The text with everything in it that a terminal would interpret: control characters as their pictures (`␛` for escape),
 /// those without one, and marks that turn the direction of writing, as `�`. Newlines and tabs stay. As many characters as before.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {

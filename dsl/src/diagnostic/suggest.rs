@@ -1,6 +1,6 @@
 //! "Did you mean": the nearest known name by edit distance.
 
-/// The candidate nearest to `name`, if one is near enough to be what was meant (a third of its length, at least one edit;
+/// The candidate nearest to `name`, if one is near enough to be what was intended (a third of its length, at least one edit;
 /// a difference of case or of underscores alone always is). Names of one or two letters are matched only so, or where a letter was doubled.
 #[must_use]
 pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

@@ -30,11 +30,11 @@ pub(super) struct Line {
     comment: Option<String>,
 }
 
-/// A part of a line that starts in a column of its own.
+/// A part of a line that starts in its own column.
 struct Cell {
     slot: usize,
     text: String,
-    /// Blanks before it where it stands alone, and in a group.
+    /// Blanks before it where it is alone, and in a group.
     gaps: (usize, usize),
 }
 
@@ -154,8 +154,8 @@ fn flush(group: &mut Vec<Line>, lines: &mut Vec<String>) {
     lines.extend(group.drain(..).flat_map(|line| line.finish(&widths, many)));
 }
 
-/// A statement without block as a line: in cells where its kind is aligned and it stands on one line.
-/// `source` is its text as it stands.
+/// A statement without block as a line: in cells where its kind is aligned and it is on one line.
+/// `source` is its text unchanged.
 pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: usize) -> Line {
     let keyword = tokens.first().map_or("", |token| token.text);
     let broken = tokens.iter().skip(1).any(|token| token.newline_before || token.kind == Kind::Comment);

@@ -8,7 +8,7 @@ struct Open {
     bracket: u8,
     /// Column behind the bracket.
     content: usize,
-    /// Indentation of the line on which it stands.
+    /// Indentation of the line on which it is.
     indent: usize,
     /// True if the line ends right behind it.
     hanging: bool,
@@ -23,7 +23,7 @@ struct Writer {
     assigned: Option<usize>,
     padding: usize,
     table: bool,
-    /// Braces with entries that stand on several lines.
+    /// Braces with entries that are on several lines.
     entries: bool,
 }
 
@@ -46,7 +46,7 @@ pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<
     writer.lines
 }
 
-/// Returns `true` if a statement has entries in braces, and they stand on several lines.
+/// Returns `true` if a statement has entries in braces, and they are on several lines.
 fn has_entries_on_lines(tokens: &[Token<'_>]) -> bool {
     let keyword = tokens.first().map_or("", |token| token.text);
     let inside = tokens.iter().skip_while(|token| token.text != "{");
@@ -89,7 +89,7 @@ impl Writer {
         self.open.is_empty() && (token.kind == Kind::Text && previous.text != "named" || token.kind == Kind::Word && token.text == "for")
     }
 
-    /// Returns `true` if a line ends inside the braces of entries that stand on several lines: behind `{` and before `}`.
+    /// Returns `true` if a line ends inside the braces of entries that are on several lines: behind `{` and before `}`.
     fn opens_up(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
         let symbol = |token: &Token<'_>, text| token.kind == Kind::Symbol && token.text == text;
         self.entries
@@ -167,7 +167,7 @@ impl Writer {
         indent
     }
 
-    /// A continued line stands behind the `=`, unless that is far to the right or the line is a clause of its own.
+    /// A continued line is behind the `=`, unless that is far to the right or the line is a separate clause.
     fn continuation(&self, indent: usize, token: &Token<'_>) -> usize {
         let clause = token.kind == Kind::Text || token.text == "for";
         self.assigned.filter(|column| !clause && *column <= 40).unwrap_or(indent + 2 * INDENT)

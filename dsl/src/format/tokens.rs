@@ -98,7 +98,7 @@ fn opens_expression(token: &Token<'_>, attached: bool) -> bool {
     }
 }
 
-/// Returns `true` if a blank stands between two tokens of one line.
+/// Returns `true` if a blank is between two tokens of one line.
 pub(super) fn spaced(previous: &Token<'_>, next: &Token<'_>, label_colon: bool) -> bool {
     match (previous.text, next.text) {
         (_, "," | ")" | "]" | "." | ".." | "^") | ("(" | "[" | "." | ".." | "^", _) => false,

@@ -203,7 +203,7 @@ impl<'t> Scanner<'t> {
         let fault = Diagnostic::error(codes::UNCLOSED_TEXT, message, self.span(start..start + 1))
             .label("opened here")
             .secondary(self.span(self.at..self.at), "the line ends here")
-            .help("a text stands on one line between double quotes");
+            .help("write a text on one line between double quotes");
         self.report(fault);
     }
 
@@ -355,7 +355,7 @@ impl<'t> Scanner<'t> {
         }
     }
 
-    /// A bracket closed by one of another kind: taken for the right one.
+    /// A bracket closed by one of another kind: treated as the right one.
     fn mismatched(&mut self) {
         let top = self.frames.len() - 1;
         self.report_unclosed(top, self.at..self.at + 1, "closed by this");

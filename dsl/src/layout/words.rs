@@ -56,7 +56,7 @@ pub(super) fn character_help(character: char, after: &str) -> String {
         '\u{2265}' => "write `>=`",
         '\u{2260}' => "write `!=`",
         '\u{b2}' | '\u{b3}' => "write a power as `^2`",
-        '\u{201c}' | '\u{201d}' | '\u{201e}' | '\'' | '`' => "texts stand between straight double quotes",
+        '\u{201c}' | '\u{201d}' | '\u{201e}' | '\'' | '`' => "write texts between straight double quotes",
         '\u{a0}' | '\u{202f}' | '\u{2009}' => "this is a special blank; write an ordinary one",
         '&' => "write `and`",
         '@' | '$' | '?' | '\\' => "remove it",

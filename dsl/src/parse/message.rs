@@ -1,4 +1,4 @@
-//! Syntax errors in words: what was expected, what stands there, and what the slip probably was.
+//! Syntax errors in words: what was expected, what is there, and what the slip probably was.
 
 use pest::error::{Error, ErrorVariant, InputLocation};
 
@@ -162,10 +162,10 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "=" if last == ':' => "write `=`; there is no `:=`",
         "**" | "*" if found == "**" || last == '*' => "a power is written `^`: `x^2`",
         "=" if matches!(keyword, "fail" | "success" | "constraint" | "event" | "clamp" | "reward" | "let") => "to compare write `==`",
-        "{" if keyword == "param" && before.contains('[') => "values by member stand in a `table`: `table p[set] : unit = { a: 1, b: 2 }`",
+        "{" if keyword == "param" && before.contains('[') => "write values by member in a `table`: `table p[set] : unit = { a: 1, b: 2 }`",
         "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
-        "~" if before.contains(" in ") => "the distribution stands before the bounds: `= value ~ uniform(a, b) in low..high`",
-        "clip" if before.contains(" in ") => "`clip` stands before the bounds: `~ uniform(a, b) clip bounds in low..high`",
+        "~" if before.contains(" in ") => "write the distribution before the bounds: `= value ~ uniform(a, b) in low..high`",
+        "clip" if before.contains(" in ") => "write `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`",
         "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
         "==" => "here `=` defines; `==` compares",
         "else" if before.rfind("if ").is_some_and(|at| !before[at..].contains(" then ")) => {
@@ -196,7 +196,7 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
             return Some(format!("a unit is written in brackets: `{number} [{}]`", inside(after)));
         }
         _ if last.is_ascii_digit() && next.is_ascii_alphabetic() => {
-            return Some(format!("to multiply write `*`; a unit stands in brackets: `[{found}]`"));
+            return Some(format!("use `*` to multiply, or write a unit in brackets: `[{found}]`"));
         }
         "(" if last == ')' || last.is_ascii_digit() => "to multiply write `*`",
         _ if last == ')' && (next.is_ascii_alphanumeric()) => "to multiply write `*`",
@@ -218,7 +218,7 @@ fn inside(text: &str) -> &str {
     text.strip_prefix('(').and_then(|rest| rest.split_once(')')).map_or("", |(inside, _)| inside.trim())
 }
 
-/// Returns `true` if a number and a comma stand before.
+/// Returns `true` if a number and a comma are before.
 fn ends_in_decimal_comma(before: &str) -> bool {
     before.strip_suffix(',').is_some_and(|number| number.ends_with(|c: char| c.is_ascii_digit()))
 }

@@ -1,4 +1,4 @@
-//! The parts of a rule as the grammar gives them, and where they stand.
+//! The parts of a rule as the grammar gives them, and where they are.
 
 use pest::iterators::{Pair, Pairs};
 

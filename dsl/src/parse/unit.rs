@@ -95,7 +95,7 @@ fn decimal(text: &str) -> Option<Rational> {
     Rational::new(digits.into(), 10_i128.pow(u32::try_from(fraction.len()).ok()?))
 }
 
-/// An exponent that may stand in a unit.
+/// An exponent that may be in a unit.
 fn small(exponent: Option<Rational>) -> Option<Rational> {
     exponent.filter(|e| e.numerator().abs() <= LARGEST && e.denominator() <= LARGEST)
 }

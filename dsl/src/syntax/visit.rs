@@ -33,7 +33,7 @@ impl Expr {
         }
     }
 
-    /// Returns `true` if a name stands anywhere inside.
+    /// Returns `true` if a name is anywhere inside.
     #[must_use]
     pub fn mentions(&self, name: &str) -> bool {
         let mut found = false;
@@ -55,7 +55,7 @@ impl Binder {
 }
 
 impl UnitExpr {
-    /// The expressions whose units are meant: `x` in `unit(x)`.
+    /// The expressions whose units are intended: `x` in `unit(x)`.
     pub fn children(&self) -> impl Iterator<Item = &Expr> {
         self.factors.iter().filter_map(|factor| match &factor.base {
             UnitBase::Of(e) => Some(&**e),

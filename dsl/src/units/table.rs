@@ -13,7 +13,7 @@ pub struct Symbol {
     exponents: &'static [i8],
     /// Size in SI base units as numerator and denominator.
     size: (i64, i64),
-    /// True if prefixes may stand before it.
+    /// True if prefixes may be before it.
     pub prefixed: bool,
     /// For points on a temperature scale: the zero of the scale in K, as numerator and denominator.
     zero: Option<(i64, i64)>,

@@ -77,17 +77,17 @@ impl Unit {
             .then(|| Self(Arc::new(Meaning { dimension, scale, kind: UnitKind::Linear, factors, written: false, between_points: false })))
     }
 
-    /// The same as one that stands in a text.
+    /// The same as one that is in a text.
     #[must_use]
     pub fn as_written(&self) -> Self {
         if self.0.written { self.clone() } else { Self(Arc::new(Meaning { written: true, ..(*self.0).clone() })) }
     }
 
-    /// Returns `true` if numbers in this unit count something that nobody named: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
+    /// Returns `true` if numbers in this unit count something without a name: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
     #[must_use]
     pub fn is_unnamed(&self) -> bool {
         let factors = &self.0.factors;
-        // A factor that is no symbol is a number.
+        // A factor that is not a symbol is a number.
         let parts: Vec<(Dimension, bool)> = factors
             .iter()
             .map(|factor| factor.unit().map_or((Dimension::NONE, true), |unit| (unit.0.dimension.clone(), unit.0.scale != Scale::ONE)))

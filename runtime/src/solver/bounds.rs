@@ -3,7 +3,7 @@
 use crate::catalogue::Element;
 use crate::failure::BOX_SLACK;
 
-/// Lower and upper bounds by place in `y`, infinite where there are none, with the slack of a box.
+/// Lower and upper bounds by place in `y`, infinite if missing, with the slack of a box.
 #[derive(Clone, Debug)]
 pub struct Bounds {
     pub(crate) low: Box<[f64]>,
@@ -67,7 +67,7 @@ impl Bounds {
         step.iter().zip(free).map(way).fold(1.0, f64::min)
     }
 
-    /// A guess inside of the bounds, by number; around the present one where there are none.
+    /// A guess inside of the bounds, by number; around the present one if missing.
     pub(crate) fn other_guess(&self, number: u64, free: &[usize], y: &mut [f64]) {
         for (i, &at) in free.iter().enumerate() {
             let part = uniform(number << 32 | i as u64);

@@ -55,7 +55,7 @@ pub(crate) enum Trouble {
     Negative { time: f64, state: usize },
     /// A function of the system panicked.
     Panic,
-    /// Somebody wants the computation to stop.
+    /// An interrupt requests the computation to stop.
     Interrupted,
 }
 
@@ -159,7 +159,7 @@ impl Bridge {
     /// The system is taken back before the borrow ends.
     pub(crate) unsafe fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
-        // SAFETY: only the lifetime changes; by the contract nobody has the pointer when the borrow ends.
+        // SAFETY: only the lifetime changes; by the contract no code has the pointer when the borrow ends.
         self.lender.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
     }
 

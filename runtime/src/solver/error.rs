@@ -37,7 +37,7 @@ pub enum SolveError {
         steps: u32,
         /// The unknown that was to blame most, where known.
         unknown: Option<usize>,
-        /// The root function at whose threshold the integration came to a stand, where there is one.
+        /// The root function at whose threshold the integration stopped, where there is one.
         event: Option<usize>,
     },
     /// The step shrank to nothing: the solution is singular there, or the tolerances are too tight.
@@ -155,7 +155,7 @@ pub enum SolveError {
         flag: IdaFlag,
     },
     /// An array has the wrong length.
-    #[error("{name} has {given} entries in place of {expected}")]
+    #[error("{name} has {given} entries instead of {expected}")]
     Length {
         /// Name of the array.
         name: &'static str,

@@ -21,7 +21,7 @@ const PIECES_OF_A_TURN: u32 = 8;
 /// Degree of the polynomials, plus one.
 const TERMS: usize = 5;
 
-/// Largest distance of a smooth forcing from its polynomial, in parts of its range; a way back by less is no turn.
+/// Largest distance of a smooth forcing from its polynomial, in parts of its range; a way back by less is not a turn.
 const SMOOTH: f64 = 0.01;
 
 /// A range below this, in parts of the largest value, is rounding.

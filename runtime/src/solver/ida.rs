@@ -43,7 +43,7 @@ pub struct Ida {
     yp: Vector,
     quadratures: Option<Integrals>,
     consistent: Option<Consistent>,
-    /// Derivatives along directions, which have steps of their own.
+    /// Derivatives along directions, which have their own steps.
     following: Option<Box<Variational>>,
     forcing: Forcing,
     operations: Operations,
@@ -87,7 +87,7 @@ impl Past {
     }
 }
 
-// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and gives nobody, and SUNDIALS keeps no state
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and does not share, and SUNDIALS keeps no state
 // outside of them. A system is lent during a call only.
 unsafe impl Send for Ida {}
 
@@ -258,7 +258,7 @@ impl Ida {
         if !stuck || self.past.counted.steps > 0 || self.settings.first_step == FirstStep::Ida {
             return Ok(value);
         }
-        // Our first step was too long to be mended by IDA's few reductions; its own rule is more careful.
+        // Our first step was too long to be corrected by IDA's few reductions; its own rule is more careful.
         self.start(0.0)?;
         self.run(t_end)
     }

@@ -98,7 +98,7 @@ pub trait Integrator: Send {
     fn quadratures(&self) -> &[f64];
 
     /// After [`Advance::Event`], for each root function: 1 if its condition became true, −1 if it ceased to hold and that is an event,
-    /// otherwise 0. There may be none: what stands at the threshold of a strict condition is decided by the next restart.
+    /// otherwise 0. There may be none: what is at the threshold of a strict condition is decided by the next restart.
     fn events(&self) -> &[i32];
 
     /// Truth of the conditions.

@@ -1,6 +1,6 @@
 //! Loops over vectors, written once and compiled for several processors.
 //!
-//! Data live in [`Block`]s of eight numbers on a cache line of their own; the last block is filled up with zeros, so that
+//! Data live in [`Block`]s of eight numbers on separate cache lines; the last block is filled up with zeros, so that
 //! no loop has a tail. Each loop is `#[inline(always)]` and takes on the instruction set of the function that calls
 //! it. Every product that is summed goes through [`f64::mul_add`], which rounds once with or without hardware support, and
 //! every sum runs over the same 32 partial sums in the same order: the results are the same bits on every processor.
@@ -209,7 +209,7 @@ pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *con
 #[inline(always)]
 pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> (f64, f64) {
     let mut totals = [Block::ZERO; ACCUMULATORS];
-    // SAFETY: `reduce_blocks` gives numbers below `blocks` only, and `sum` is none of the others.
+    // SAFETY: `reduce_blocks` gives numbers below `blocks` only, and `sum` is not one of the others.
     let square = reduce_blocks(blocks, |i, partial| unsafe {
         let (delta, w) = (delta.add(i).read(), w.add(i).read());
         let total = sum.add(i).read().zip(delta, |x, d| x + d);

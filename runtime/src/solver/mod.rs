@@ -1,12 +1,12 @@
 //! Time integration of differential–algebraic systems, F(t, y, y') = 0.
 //!
-//! This layer knows nothing of the compiler: a model is anything that implements [`System`], and stepping stands behind the
+//! This layer knows nothing of the compiler: a model is anything that implements [`System`], and stepping is behind the
 //! narrow trait [`Integrator`]. [`Ida`] implements it by SUNDIALS' variable-order BDF code IDA, with
 //!
-//! * vectors of our own (`vector`, `kernels`), the same bits on every processor;
-//! * linear solvers of our own (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
+//! * own vectors (`vector`, `kernels`), the same bits on every processor;
+//! * own linear solvers (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
 //! * Newton's method in few passes over memory (`newton`);
-//! * derivatives along directions that follow the unknowns in steps of their own (`staggered`, `variational`);
+//! * derivatives along directions that follow the unknowns in their own steps (`staggered`, `variational`);
 //! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`);
 //! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`);
 //! * bounds of what an accepted step may hide from events and switches of the equations (`enclosure`, `inside`).

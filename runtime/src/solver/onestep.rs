@@ -57,7 +57,7 @@ enum Phase {
 /// A one-step method.
 ///
 /// Everything is allocated when it is made, except for KLU's factors where a large matrix has no pivots on its diagonal. Its fields are what a step goes
-/// through, from the equations' side (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is a type of its own, and
+/// through, from the equations' side (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is a separate type, and
 /// a step needs them all at once.
 pub struct OneStep {
     settings: Settings,

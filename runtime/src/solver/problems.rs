@@ -96,7 +96,7 @@ pub fn robertson() -> Problem {
     .autonomous()
 }
 
-/// Robertson's problem with the balance y₁ + y₂ + y₃ = 1 in place of the third rate: one algebraic unknown.
+/// Robertson's problem with the balance y₁ + y₂ + y₃ = 1 instead of the third rate: one algebraic unknown.
 pub fn robertson_dae() -> Problem {
     let mut problem = robertson().with_structure(vec![true, true, false], true);
     problem.residual = |_, y, yp, _, out| {

@@ -1,4 +1,4 @@
-//! Integrals beside the unknowns: their values, their tolerances, and what a first step has to know of them.
+//! Integrals in addition to the unknowns: their values, their tolerances, and what a first step has to know of them.
 //!
 //! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run along straight lines it stays at one, whatever the
 //! integrands do. So the integrals of a small system are taken step by step on the interpolating polynomial instead, by Boole's rule on pieces that
@@ -213,7 +213,7 @@ impl BySteps {
         let [boole, simpson] = &self.sums;
         let sizes = self.before.iter().zip(&self.expected).zip(values.iter().zip(boole));
         let sizes = sizes.map(|((before, expected), (value, boole))| (before + expected).abs().max((value + boole).abs()));
-        // What is no number is told elsewhere.
+        // What is not a number is stated elsewhere.
         boole
             .iter()
             .zip(simpson)

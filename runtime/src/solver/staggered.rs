@@ -1,4 +1,4 @@
-//! IDA for the unknowns, and derivatives along directions that follow them in steps of their own.
+//! IDA for the unknowns, and derivatives along directions that follow them in their own steps.
 
 use super::{Advance, Edge, Following, Ida, Integrator, Pattern, RootKind, Settings, SolveError, Statistics, System};
 

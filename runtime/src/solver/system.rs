@@ -50,13 +50,13 @@ pub trait System {
         self.residual(t, y, yp, out);
     }
 
-    /// Writes the residual of the derivatives `s` along the directions, with rates `sp`: (∂F/∂y) s + (∂F/∂y') sp and what moves beside, at leading unknowns
+    /// Writes the residual of the derivatives `s` along the directions, with rates `sp`: (∂F/∂y) s + (∂F/∂y') sp and the other moving terms, at leading unknowns
     /// y with rates y', where `jacobian` holds ∂F/∂y + `cj` ∂F/∂y'.
     fn following(&mut self, at: Following<'_>, (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
         let _ = (at, s, sp, out);
     }
 
-    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R and minus what moves beside: the right-hand side for s with
+    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R and minus the other moving terms: the right-hand side for s with
     /// that Jacobian.
     fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) {
         let _ = (at, rates);
@@ -229,7 +229,7 @@ pub enum PatternError {
     /// Rows within a column must rise and be smaller than the dimension.
     #[error("rows of column {column} do not rise within 0..{dimension}")]
     Rows {
-        /// The first column at fault.
+        /// The first invalid column.
         column: usize,
         /// Number of rows of the matrix.
         dimension: usize,

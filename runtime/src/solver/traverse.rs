@@ -97,7 +97,7 @@ pub(crate) trait Traverse {
     /// Takes the integrals up to a time within the last step.
     fn take_integrals(&mut self, to: f64) -> Result<(), SolveError>;
 
-    /// The derivatives that the equations give, in place of those of the polynomial, which may be off by the tolerance.
+    /// The derivatives that the equations give, instead of those of the polynomial, which may be off by the tolerance.
     fn derive(&mut self) -> Result<(), SolveError>;
 
     /// Stays at this time, where a restart is needed.

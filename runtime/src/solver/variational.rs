@@ -1,4 +1,4 @@
-//! Derivatives of the unknowns along directions, integrated behind them with steps of their own.
+//! Derivatives of the unknowns along directions, integrated behind them with their own steps.
 //!
 //! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear: with the derivative of a backward differentiation formula,
 //! S' = c S + R, one factorisation of F_y + c F_y' gives all columns (the staggered direct method of M. Caracotsios and W. E. Stewart, *Comput. Chem. Eng.* 9 (1985) 359).
@@ -422,7 +422,7 @@ impl Variational {
             * ((part(0..own, self.tolerances.rtol[0]) + part(own..self.size.all, self.tolerances.rtol[1])) / self.tolerances.tested).sqrt()
     }
 
-    /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted behind the unknowns; one that is no number is further than all.
+    /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted behind the unknowns; NaN is further than all.
     fn largest(&self, new: &[f64]) -> Option<usize> {
         let size = |at: usize| {
             let size = (new[at] - self.predicted[at]).abs() / (self.tolerances.atol[at] + self.tolerances.rtol[0] * new[at].abs());
@@ -438,7 +438,7 @@ impl Variational {
         let least = if self.history.known == 1 { 1e-3 } else { 0.1 };
         let factor = if error.is_finite() { 0.9 / kernels::pow(error, 1.0 / (self.pace.order + 1) as f64) } else { 0.25 };
         self.pace.length = taken * factor.clamp(least, 0.9);
-        // Where the last step was rejected too, what lies behind is no guide.
+        // Where the last step was rejected too, what lies behind is not a guide.
         if self.pace.steady == 0 && self.pace.order > 1 {
             self.pace.order -= 1;
         }

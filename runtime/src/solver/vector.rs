@@ -1,4 +1,4 @@
-//! SUNDIALS vectors with content and operations of our own.
+//! SUNDIALS vectors with own content and operations.
 //!
 //! IDA sees a vector as a content pointer and a table of operations. Debian's serial vectors run scalar loops, which
 //! take four fifths of a solve with 1700 unknowns; here the table points to the vectorised loops of
@@ -34,7 +34,7 @@ pub(crate) struct Content {
     /// The weighted root mean square, with the weights of this age; zero where it is not known.
     norm: f64,
     age: u64,
-    /// True if nobody reads what a prediction and the corrections add up to.
+    /// True if no code reads what a prediction and the corrections add up to.
     discards: bool,
     /// Outlives the vectors that name it.
     context: Context,
@@ -105,7 +105,7 @@ impl Content {
         unsafe { std::slice::from_raw_parts(self.blocks.as_ptr(), self.count) }
     }
 
-    /// Returns `true` if nobody reads what a prediction and the corrections add up to.
+    /// Returns `true` if no code reads what a prediction and the corrections add up to.
     pub(crate) fn set_discards(&mut self, discards: bool) {
         self.discards = discards;
     }
@@ -114,7 +114,7 @@ impl Content {
 impl Drop for Content {
     fn drop(&mut self) {
         let blocks = ptr::slice_from_raw_parts_mut(self.blocks.as_ptr(), self.count);
-        // SAFETY: so many blocks were leaked from a box when the content was made, and nobody else frees them.
+        // SAFETY: so many blocks were leaked from a box when the content was made, and no other code frees them.
         drop(unsafe { Box::from_raw(blocks) });
     }
 }
@@ -129,8 +129,8 @@ impl Handle {
     /// The handle of a vector that SUNDIALS gives.
     ///
     /// # Safety
-    /// `raw` is a vector of [`Vector`]'s making that lives as long as the handle. While a reference from the handle lives, nobody writes
-    /// the vector; while an exclusive one lives, nobody reads it either.
+    /// `raw` is a vector of [`Vector`]'s making that lives as long as the handle. While a reference from the handle lives, no code writes
+    /// the vector; while an exclusive one lives, no code reads it either.
     #[inline]
     pub(crate) unsafe fn new(raw: N_Vector) -> Self {
         // SAFETY: by the contract, so that the content is one of `allocate`'s, which is not null.
@@ -163,7 +163,7 @@ impl Deref for Handle {
 impl DerefMut for Handle {
     #[inline]
     fn deref_mut(&mut self) -> &mut Content {
-        // SAFETY: the vector lives and nobody else uses it, as who made the handle vouches.
+        // SAFETY: the vector lives and no other code uses it, as who made the handle vouches.
         unsafe { self.content.as_mut() }
     }
 }
@@ -223,7 +223,7 @@ fn allocate(content: Content, ops: *mut _generic_N_Vector_Ops) -> N_Vector {
 /// Frees a vector.
 ///
 /// # Safety
-/// `vector` was made by [`allocate`], and nobody uses it any more.
+/// `vector` was made by [`allocate`], and no code uses it any more.
 unsafe fn free(vector: N_Vector) {
     // SAFETY: both are boxes that `allocate` gave away, by the contract.
     unsafe {

@@ -32,7 +32,7 @@ const SHALLOW: f64 = 1e-3;
 /// Motion is steady that at a part of the way is no less than this part of what it would be there along a straight line.
 const STEADY: f64 = 0.5;
 
-/// The polynomial of a kink over a step is taken for wider by this part.
+/// The polynomial of a kink over a step is widened by this part.
 const DOUBT: f64 = 0.5;
 
 /// A kink is far from its threshold that is further than this many times what its values bow over a step.
@@ -170,7 +170,7 @@ impl Watch {
         self.kinds[i].role == RootRole::Event
     }
 
-    /// Notes values of events that are no numbers.
+    /// Notes values of events that are not numbers.
     fn note_undefined(&mut self) {
         let found = self.values.iter().enumerate().position(|(i, value)| value.is_nan() && self.is_event(i));
         self.undefined = self.undefined.or(found);
@@ -189,7 +189,7 @@ impl Watch {
         for ((edge, &value), (kind, &unseen)) in each {
             let band = edge.band.max(0.0);
             if matches!(kind.role, RootRole::Kink { .. }) {
-                // Inside of a step that one is as it was where the step began, until the integration stops.
+                // Inside of a step that one has its value of the beginning of the step, until the integration stops.
                 if value.abs() > band && !unseen {
                     *edge = Edge::known(value > 0.0);
                 }
@@ -375,7 +375,7 @@ impl Watch {
         }
     }
 
-    /// A switch is held at its threshold while it is no further from it than this.
+    /// A switch is held at its threshold while it is not further from it than this.
     pub(super) fn hold(&mut self, i: usize, band: f64) {
         self.edges[i].band = band;
     }
@@ -386,7 +386,7 @@ impl Watch {
     }
 
     /// Returns `true` if a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
-    /// through them is taken for wider by half than it is.
+    /// through them is widened by half than it is.
     fn may_hide(&self, i: usize) -> bool {
         // The sign at the beginning is that of the end.
         let [a, b, c] = [0, 1, 2].map(|k| self.samples[k][i]);

@@ -1,6 +1,6 @@
 //! The command `smpl`.
 //!
-//! [`run`] takes the arguments and gives the exit status: 0 done, 1 a file is missing or at fault, 2 the command line is at fault. Results go
+//! [`run`] takes the arguments and gives the exit status: 0 done, 1 a file is missing or invalid, 2 the command line is invalid. Results go
 //! to standard output, everything else to standard error.
 
 mod check;
@@ -94,7 +94,7 @@ enum Command {
 /// Options of every command that takes a model.
 #[derive(Debug, Args)]
 struct ModelArguments {
-    /// Scenario: a name (FILE.NAME.yaml beside the model) or a YAML file
+    /// Scenario: a name (FILE.NAME.yaml next to the model) or a YAML file
     #[arg(long, value_name = "NAME|S.yaml")]
     scenario: Option<String>,
     /// Variant to turn on, or option of a choice; repeatable
@@ -208,7 +208,7 @@ fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send) -> i32 {
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| smpl_dsl::stack::on_own_stack(work))).unwrap_or(1)
 }
 
-/// Writes to standard output. A reader that has gone away is no fault: the command is done then.
+/// Writes to standard output. A reader that has gone away is not a fault: the command is done then.
 fn say(text: impl AsRef<str>) -> Result<(), Failed> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_ref().as_bytes()).and_then(|()| out.flush()) {

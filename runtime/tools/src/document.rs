@@ -1,7 +1,7 @@
 //! A model as a page to read: the whole of its text in reading order, equations typeset, with a flowsheet and a picture of a run.
 //!
 //! [`Source`] is the text with what it imports. The page says first what the model is in numbers, then follows the text statement after
-//! statement ([`statements`]): declarations become tables, equations displays, components chapters of their own; `# ---- Title ----` is a
+//! statement ([`statements`]): declarations become tables, equations displays, components separate chapters; `# ---- Title ----` is a
 //! heading, other comments are prose. Variants and options that are not in force come after it, then every name as it is seen from outside
 //! ([`names`]).
 
@@ -36,7 +36,7 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Reads a model's file (of a compiled model the text beside it); `None` where there is no text.
+    /// Reads a model's file (of a compiled model the text next to it); `None` where there is no text.
     #[must_use]
     pub(crate) fn read(path: &Path) -> Option<Self> {
         let path = if path.extension().is_some_and(|e| e == smpl_runtime::load::ARTEFACT_EXTENSION) {

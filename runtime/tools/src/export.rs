@@ -72,7 +72,7 @@ fn at_nominal<T>(
             environment.algebraics(&mut outputs);
             (environment.unknowns().to_vec(), environment.memory().clone())
         }
-        // A start that cannot be found is no obstacle: the declared values stand for it.
+        // A start that cannot be found is not an obstacle: the declared values stand for it.
         Err(_) => (steady::guess(&setup.system, &setup.catalogue), setup.system.memory().clone()),
     };
     for action in setup.catalogue.actions.elements() {

@@ -1,6 +1,6 @@
 //! Models of other forms, turned into text of the language: `smpl import`.
 //!
-//! What is read is [SBML](https://sbml.org), Levels 2 and 3, the core. The XML is read into an SBML model in which nothing that carries meaning is
+//! What is read is [SBML](https://sbml.org), Levels 2 and 3, the core. The XML is read into an SBML model in which no relevant part is
 //! passed over; every symbol gets its role (parameter, state, discrete variable, named expression, algebraic variable); then the text is written.
 //! What cannot be carried is refused with its line.
 //!
@@ -44,14 +44,14 @@ pub(crate) struct Imported {
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum ImportError {
     /// No XML.
-    #[error("line {line}: this is no XML: {message}")]
+    #[error("line {line}: invalid XML: {message}")]
     Xml {
         /// Place.
         line: u32,
         /// Message of the reader.
         message: String,
     },
-    /// Something that has no counterpart, or that is at fault in the file itself.
+    /// Something that has no counterpart, or that is invalid in the file itself.
     #[error("line {line}: {message}")]
     Refused {
         /// Line in the file.
@@ -59,7 +59,7 @@ pub(crate) enum ImportError {
         /// Name of the element.
         message: String,
     },
-    /// The equations are at fault: they do not determine the unknowns, for example.
+    /// The equations are invalid: they do not determine the unknowns, for example.
     #[error("the equations of the file make no model: {0}")]
     Equations(String),
 }

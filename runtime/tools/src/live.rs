@@ -93,7 +93,7 @@ impl Server {
         self.site.address()
     }
 
-    /// Serves pages, each in threads of its own; does not return.
+    /// Serves pages, each in its own threads; does not return.
     pub(crate) fn serve(self: &Arc<Self>) {
         for stream in self.listener.incoming() {
             match stream {

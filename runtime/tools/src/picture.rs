@@ -57,7 +57,7 @@ impl Format {
     pub const ENDINGS: [(&'static str, Format); 4] =
         [("svg", Format::Svg), ("png", Format::Png), ("pdf", Format::Pdf), ("html", Format::Html)];
 
-    /// The format that the ending of a file's name tells.
+    /// The format that the ending of a file's name shows.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let ending = path.extension()?.to_ascii_lowercase();
@@ -132,7 +132,7 @@ impl Picture {
         }
     }
 
-    /// Writes a file in the format that its ending tells, SVG where it has none.
+    /// Writes a file in the format that its ending shows, SVG where it has none.
     ///
     /// # Errors
     /// [`WriteError`] with the path.

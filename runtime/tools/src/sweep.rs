@@ -45,7 +45,7 @@ fn range(low: &str, rest: &str) -> Result<Vec<Value>, String> {
     let (high, count) = rest.split_once(':').ok_or("a range has a number of values: LOW..HIGH:COUNT")?;
     let number = |text: &str| {
         let number = text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-        number.ok_or_else(|| format!("`{}` is no number", text.trim()))
+        number.ok_or_else(|| format!("`{}` is not a number", text.trim()))
     };
     let (low, high) = (number(low)?, number(high)?);
     let (count, logarithmic) = match count.trim().strip_suffix("log") {

@@ -94,7 +94,7 @@ struct Cell<'t> {
     text: &'t str,
     start: usize,
     comma: bool,
-    /// True if more than one blank stands before it.
+    /// True if more than one blank is before it.
     padded: bool,
 }
 

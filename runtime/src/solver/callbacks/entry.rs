@@ -1,7 +1,7 @@
 //! The functions whose addresses IDA holds, and the objects that name them.
 //!
 //! IDA calls them with the address of the bridge, which [`Memory`](super::super::sundials::Memory) keeps as long as IDA's memory, and with
-//! vectors that are ours or clones of ours, those that are written others than those that are read. Nobody else has a reference to the
+//! vectors that are ours or clones of ours, those that are written others than those that are read. No other code has a reference to the
 //! bridge meanwhile: `Memory` is borrowed exclusively, and a callback within a callback (Newton's method has IDA set the matrix up) holds none.
 
 use std::os::raw::{c_int, c_void};
@@ -20,7 +20,7 @@ use super::{Bridge, code};
 /// The bridge behind IDA's user data.
 ///
 /// # Safety
-/// As said at the top of this file.
+/// As stated at the top of this file.
 unsafe fn bridge(user_data: *mut c_void) -> Lent<Bridge> {
     // SAFETY: by the contract.
     unsafe { Lent::new(user_data.cast()) }
@@ -130,7 +130,7 @@ pub(crate) fn linear_solver(bridge: &Kept<Bridge>, context: &Context) -> _generi
     _generic_SUNLinearSolver { content: bridge.address().cast(), ops: ptr::from_ref(&SOLVER).cast_mut(), sunctx: context.raw() }
 }
 
-/// The matrix as IDA knows it; nobody looks at its content.
+/// The matrix as IDA knows it; no code looks at its content.
 pub(crate) fn matrix(context: &Context) -> _generic_SUNMatrix {
     _generic_SUNMatrix { content: ptr::null_mut(), ops: ptr::from_ref(&MATRIX).cast_mut(), sunctx: context.raw() }
 }

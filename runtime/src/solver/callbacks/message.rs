@@ -26,7 +26,7 @@ impl Message {
         self.length = 0;
     }
 
-    /// It as text, as far as it was kept.
+    /// It as text, as far unchanged stored.
     pub(crate) fn text(&self) -> String {
         String::from_utf8_lossy(&self.bytes[..self.length]).trim().to_owned()
     }
@@ -68,7 +68,7 @@ pub(crate) unsafe extern "C" fn message(
 /// Keeps a text.
 ///
 /// # Safety
-/// `text` is null or a C string, and `data` the address of a [`Message`] that nobody else uses during the call.
+/// `text` is null or a C string, and `data` the address of a [`Message`] that no other code uses during the call.
 unsafe fn keep(text: *const c_char, data: *mut c_void) {
     if !text.is_null() {
         // SAFETY: by the contract, both.

@@ -1,4 +1,4 @@
-//! Making an integrator: everything that is allocated, and everything IDA is told once.
+//! Making an integrator: everything that is allocated, and everything IDA gets once.
 
 use super::super::callbacks::{Bridge, History, Tolerances};
 use super::super::consistent::Consistent;
@@ -53,7 +53,7 @@ impl Ida {
         Ok(ida)
     }
 
-    /// Tells IDA everything that does not change.
+    /// Passes to IDA everything that does not change.
     fn configure(&mut self, system: &dyn System) -> Result<(), SolveError> {
         let settings = &self.settings;
         self.memory.set_limits(settings.max_order, settings.max_steps)?;

@@ -2,7 +2,7 @@
 //!
 //! The unknowns of a flowsheet follow each other: cells down a reactor, units down a plant. Strongly connected components,
 //! taken in the order of the flow, make the Newton matrix block triangular; only the blocks on its diagonal are factorised,
-//! and what stands before them is used as it is (Duff, Erisman, Reid, *Direct Methods for Sparse Matrices*, 2nd ed., chapter 6).
+//! and what is before them is used as it is (Duff, Erisman, Reid, *Direct Methods for Sparse Matrices*, 2nd ed., chapter 6).
 //! Small blocks are inverted, large ones factorised; then a [`Substitution`](super::substitution::Substitution) solves.
 //!
 //! Pivots are the diagonal entries, in an order of minimum degree: Newton matrices of stiff systems,

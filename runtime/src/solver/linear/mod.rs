@@ -20,7 +20,7 @@ const SMALL: usize = 3;
 /// Dimension up to which it is the faster one for patterns at least half full.
 const MEDIUM: usize = 48;
 
-/// Products of a factorisation for each of a substitution up to which it is called cheap: their operands stand anywhere, and eight substitutions take as long.
+/// Products of a factorisation for each of a substitution up to which it is called cheap: their operands are anywhere, and eight substitutions take as long.
 const CHEAP: usize = 2;
 
 /// The linear solver that a system got.

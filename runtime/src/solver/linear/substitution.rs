@@ -3,7 +3,7 @@
 //! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums that do not wait for each
 //! other form a level (Anderson & Saad, *Solving sparse triangular linear systems on parallel computers*, Int. J. High Speed
 //! Computing 1, 1989). Cells of a grid and rows of a block give sums of the same form in the same level: four of them make a
-//! chunk, whose results stand side by side and are then the four operands of chunks that follow, one load in place of four.
+//! chunk, whose results are adjacent and are then the four operands of chunks that follow, one load instead of four.
 
 mod schedule;
 
@@ -22,7 +22,7 @@ pub(super) struct Substitution {
     operand: Box<[f64]>,
     /// Place of each unknown among the operands.
     results: Box<[u32]>,
-    /// For many right-hand sides: where the result of each sum stands, and the end of its terms.
+    /// For many right-hand sides: where the result of each sum is, and the end of its terms.
     rows: Vec<(u32, u32)>,
     /// Places of the operand and of the factor of each term.
     terms: Vec<(u32, u32)>,

@@ -94,7 +94,7 @@ impl Solve {
     /// The solve that IDA asks for.
     ///
     /// # Safety
-    /// `memory` is IDA's, in a call of the nonlinear solver, of which the other arguments are. Nobody uses the bridge and the vectors during
+    /// `memory` is IDA's, in a call of the nonlinear solver, of which the other arguments are. No code uses the bridge and the vectors during
     /// that but by this, and by callbacks that IDA makes.
     unsafe fn new(bridge: Lent<Bridge>, memory: *mut c_void, sum: Handle, weights: Handle, tolerance: f64) -> Self {
         // SAFETY: by the contract.
@@ -251,7 +251,7 @@ impl Solve {
 /// The bridge behind the nonlinear solver.
 ///
 /// # Safety
-/// `solver` is that of [`object`], in a call of IDA's: nobody else has a reference to the bridge (see `callbacks::entry`).
+/// `solver` is that of [`object`], in a call of IDA's: no other code has a reference to the bridge (see `callbacks::entry`).
 unsafe fn bridge(solver: SUNNonlinearSolver) -> Lent<Bridge> {
     // SAFETY: by the contract.
     unsafe { Lent::new((*solver).content.cast()) }
@@ -308,13 +308,13 @@ unsafe extern "C" fn take_limit(_: SUNNonlinearSolver, _: c_int) -> c_int {
 }
 
 unsafe extern "C" fn iterations(solver: SUNNonlinearSolver, count: *mut c_long) -> c_int {
-    // SAFETY: IDA calls with our solver and a variable of its own.
+    // SAFETY: IDA calls with our solver and its own variable.
     unsafe { *count = bridge(solver).newton.iterations };
     0
 }
 
 unsafe extern "C" fn failures(solver: SUNNonlinearSolver, count: *mut c_long) -> c_int {
-    // SAFETY: IDA calls with our solver and a variable of its own.
+    // SAFETY: IDA calls with our solver and its own variable.
     unsafe { *count = bridge(solver).newton.failures };
     0
 }

@@ -20,7 +20,7 @@ const MEMORY: u32 = 10;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 60;
 
-/// An error, in tolerances, that where forcings turn often comes of a kink. (Orbits have such errors too where bodies meet, and nothing to mend.)
+/// An error, in tolerances, that comes from a kink if forcings turn often. (Orbits have such errors too where bodies meet, and nothing to correct.)
 const DOUBTFUL: f64 = 10.0;
 
 /// Steps of this part of an interval are those at switches.

@@ -20,7 +20,7 @@ pub(crate) struct Algebra {
     yp: Vector,
 }
 
-// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and gives nobody; a system is lent during
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and does not share; a system is lent during
 // a call only.
 unsafe impl Send for Algebra {}
 

@@ -66,7 +66,7 @@ impl Control {
     /// The step to take where so much is left: equal ones where few fit.
     pub(crate) fn fit(&self, left: f64, longest: f64) -> f64 {
         let step = self.proposed.min(longest);
-        // Rounding is no reason for one more.
+        // Rounding is not a reason for one more.
         let pieces = (left / step - 1e-9).ceil();
         if pieces <= 1.0 {
             left
@@ -111,7 +111,7 @@ impl Control {
         self.rejected = true;
     }
 
-    /// Notes the error of a step that was rejected; infinite where there is none.
+    /// Notes the error of a step that was rejected; infinite if missing.
     pub(crate) fn reject(&mut self, step: f64, error: f64, growth: Growth) {
         let root = root32(error);
         let power = root * root * root * root;

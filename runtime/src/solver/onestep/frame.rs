@@ -130,7 +130,7 @@ impl Frame {
         (((squares[0] + squares[2]) + (squares[1] + squares[3])) / self.n as f64).sqrt()
     }
 
-    /// The unknown that is largest, in tolerances; one that is no number is larger than all.
+    /// The unknown that is largest, in tolerances; NaN is larger than all.
     pub(super) fn largest(&self, x: &[Quad]) -> Option<usize> {
         let sizes = (0..self.n).map(|at| (at, (x[at / 4][at % 4] * self.weights(at / 4)[at % 4]).abs()));
         let order = |x: f64| if x.is_nan() { f64::INFINITY } else { x };

@@ -85,7 +85,7 @@ fn product(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
     a.iter().map(|row| (0..row.len()).map(|j| dot(row, &column(j))).collect()).collect()
 }
 
-/// Rodas5P as its paper writes it: α, β = α + Γ, and what turns weights of the stages U into those of its own.
+/// Rodas5P as its paper writes it: α, β = α + Γ, and the conversion of weights of the stages U to its own.
 struct Classical {
     alpha: Vec<Vec<f64>>,
     beta: Vec<Vec<f64>>,
@@ -293,7 +293,7 @@ fn control_steps(length: f64, rtol: f64, count: u32) -> (u64, f64) {
 
 #[test]
 fn the_pair_of_order_five_takes_a_control_step_that_one_step_of_it_covers() {
-    // Seven evaluations, one of them at the end, in place of thirteen; and forcings are looked at by evaluations that are not counted.
+    // Seven evaluations, one of them at the end, instead of thirteen; and forcings are looked at by evaluations that are not counted.
     let (few, error) = control_steps(0.1, 1e-6, 50);
     assert_eq!(few, 7);
     assert!(error < 1e-6, "{error}");

@@ -15,7 +15,7 @@ pub(crate) struct Context(Rc<Owned>);
 struct Owned(SUNContext);
 
 impl Context {
-    /// A context of its own.
+    /// A separate context.
     ///
     /// # Errors
     /// SUNDIALS out of memory.
@@ -34,7 +34,7 @@ impl Context {
 
 impl Drop for Owned {
     fn drop(&mut self) {
-        // SAFETY: made by `SUNContext_Create`, and freed once, when nobody names it any more.
+        // SAFETY: made by `SUNContext_Create`, and freed once, when no code names it any more.
         unsafe { SUNContext_Free(&mut self.0) };
     }
 }

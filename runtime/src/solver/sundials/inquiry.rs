@@ -56,7 +56,7 @@ impl Inquiry {
     /// The unknowns' derivatives of this order at a time within the last step.
     ///
     /// # Errors
-    /// IDA's flag where the time is none of those, or the vector has another length.
+    /// IDA's flag where the time is not one of those, or the vector has another length.
     pub(crate) fn interpolate(&self, time: f64, order: c_int, to: &mut Handle) -> Result<(), c_int> {
         if to.entries().len() != self.dimension {
             return Err(BAD_DERIVATIVE);

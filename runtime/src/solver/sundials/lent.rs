@@ -19,7 +19,7 @@ impl<T> Kept<T> {
     /// The value.
     ///
     /// # Safety
-    /// While the reference lives, nobody writes the value by its address.
+    /// While the reference lives, no code writes the value by its address.
     pub(crate) unsafe fn get(&self) -> &T {
         // SAFETY: it is there as long as its owner, and not written, by the contract.
         unsafe { self.0.as_ref() }
@@ -28,9 +28,9 @@ impl<T> Kept<T> {
     /// The value, to be changed.
     ///
     /// # Safety
-    /// While the reference lives, nobody reads or writes the value by its address.
+    /// While the reference lives, no code reads or writes the value by its address.
     pub(crate) unsafe fn get_mut(&mut self) -> &mut T {
-        // SAFETY: it is there as long as its owner, and nobody else uses it, by the contract.
+        // SAFETY: it is there as long as its owner, and no other code uses it, by the contract.
         unsafe { self.0.as_mut() }
     }
 }
@@ -49,8 +49,8 @@ impl<T> Lent<T> {
     /// The value at an address.
     ///
     /// # Safety
-    /// There is a value, which lives as long as this. While a reference from this lives, nobody else writes the value; while an exclusive
-    /// one lives, nobody else reads it either.
+    /// There is a value, which lives as long as this. While a reference from this lives, no other code writes the value; while an exclusive
+    /// one lives, no other code reads it either.
     #[inline]
     pub(crate) unsafe fn new(address: *mut T) -> Self {
         // SAFETY: where a value is, the address is not null.

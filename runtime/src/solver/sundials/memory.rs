@@ -35,7 +35,7 @@ pub(crate) enum Task {
 
 /// IDA's memory with all that it holds the address of.
 ///
-/// The callbacks work on the [`Bridge`] while one of IDA's functions runs; each of those takes the memory exclusively, so that nobody
+/// The callbacks work on the [`Bridge`] while one of IDA's functions runs; each of those takes the memory exclusively, so that no code
 /// else has a reference to the bridge then.
 pub(crate) struct Memory {
     inquiry: Inquiry,
@@ -77,7 +77,7 @@ impl Memory {
         Ok(memory)
     }
 
-    /// Tells IDA the callbacks and the objects.
+    /// Passes to IDA the callbacks and the objects.
     fn introduce(&self, y: &Vector, yp: &Vector) -> Result<(), SolveError> {
         let (ida, data) = (self.raw(), self.bridge.address().cast::<c_void>());
         let (y, yp) = (self.of_system(y), self.of_system(yp));
@@ -93,14 +93,14 @@ impl Memory {
         }
     }
 
-    /// Messages are kept in place of being printed: SUNDIALS 6.
+    /// Messages are kept instead of being printed: SUNDIALS 6.
     #[cfg(not(feature = "vendored"))]
     fn take_messages(&self) -> Result<(), SolveError> {
         // SAFETY: the memory lives, and the place of the messages is kept until it is freed.
         check("IDASetErrHandlerFn", unsafe { IDASetErrHandlerFn(self.raw(), Some(callbacks::message), self.messages.address().cast()) })
     }
 
-    /// Messages are kept in place of being printed: SUNDIALS 7, where they belong to the context.
+    /// Messages are kept instead of being printed: SUNDIALS 7, where they belong to the context.
     #[cfg(feature = "vendored")]
     fn take_messages(&self) -> Result<(), SolveError> {
         let (context, data) = (self.context.raw(), self.messages.address().cast());
@@ -195,7 +195,7 @@ impl Memory {
         Ok(())
     }
 
-    /// Integrals beside the unknowns.
+    /// Integrals in addition to the unknowns.
     pub(crate) fn set_integrals(&mut self, values: &Vector) -> Result<(), SolveError> {
         let function = Some(callbacks::quadratures as unsafe extern "C" fn(_, _, _, _, _) -> _);
         // SAFETY: the memory lives, and copies the vector.
@@ -241,7 +241,7 @@ impl Memory {
     pub(crate) fn calculate_start(&mut self, time: f64, y: &mut Vector, yp: &mut Vector, first: f64) -> c_int {
         let mut value = self.restart(time, y, yp);
         if value == IDA_SUCCESS {
-            // SAFETY: the memory lives; the system is lent to the bridge, which nobody else uses now.
+            // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses now.
             value = unsafe { IDACalcIC(self.raw(), IDA_YA_YDP_INIT, first) };
         }
         if value == IDA_SUCCESS {
@@ -263,7 +263,7 @@ impl Memory {
             Task::Normal => IDA_NORMAL,
             Task::OneStep => IDA_ONE_STEP,
         };
-        // SAFETY: the memory lives; the system is lent to the bridge, which nobody else uses now; the vectors are borrowed exclusively and
+        // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses now; the vectors are borrowed exclusively and
         // have the memory's length.
         unsafe { IDASolve(self.raw(), end, time, self.of_system(y), self.of_system(yp), task) }
     }
@@ -286,13 +286,13 @@ impl Memory {
         check("IDAGetQuadDky", unsafe { IDAGetQuadDky(self.raw(), time, 0, self.of_integrals(values)) })
     }
 
-    /// Estimated local errors of the last step that was tried; false where there are none.
+    /// Estimated local errors of the last step that was tried; false if missing.
     pub(crate) fn local_errors(&self, errors: &mut Vector) -> bool {
         // SAFETY: the memory lives, calls nothing back here, and the vector is borrowed exclusively and has its length.
         unsafe { IDAGetEstLocalErrors(self.raw(), self.of_system(errors)) == IDA_SUCCESS }
     }
 
-    /// The present error weights; false where there are none.
+    /// The present error weights; false if missing.
     pub(crate) fn error_weights(&self, weights: &mut Vector) -> bool {
         // SAFETY: as above.
         unsafe { IDAGetErrWeights(self.raw(), self.of_system(weights)) == IDA_SUCCESS }

@@ -1,4 +1,4 @@
-//! The operations that SUNDIALS calls, and those of our own that take vectors.
+//! The operations that SUNDIALS calls, and our own ones that take vectors.
 //!
 //! SUNDIALS calls an operation with vectors of one family: all are alive and have the same length. Where the result is written, it may be
 //! one of the operands; so these functions work by pointers, and no reference to numbers lives while others are written.
@@ -204,7 +204,7 @@ macro_rules! operations {
                 // Differences of the history: each sum is the next one's second term.
                 if (a, b) == (1.0, 1.0) && n > 0 && n <= MAX_FUSED && x == z && y[1..] == x[..n - 1] && !x.contains(&y[0]) {
                     let mut terms = [ptr::null_mut::<Block>(); MAX_FUSED];
-                    // SAFETY: vectors of one family. That of `y[0]` is none of `x`; the results, which SUNDIALS keeps apart, are `x`.
+                    // SAFETY: vectors of one family. That of `y[0]` is not one of `x`; the results, which SUNDIALS keeps apart, are `x`.
                     unsafe {
                         terms.iter_mut().zip(x).for_each(|(term, &x)| *term = written(x));
                         kernels::cumulate(block_count(x[0]), blocks(y[0]), &terms[..n]);
@@ -248,7 +248,7 @@ macro_rules! operations {
                 let n = sum.count;
                 assert!(delta.count == n && w.count == n);
                 sum.age = 0;
-                // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that it is none of the others.
+                // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that it is not one of the others.
                 let squares = unsafe { kernels::accumulate(n, delta.blocks.as_ptr(), w.blocks.as_ptr(), sum.blocks.as_ptr()) };
                 let (square, sum_square) = squares;
                 if sum.weights().is_some_and(|known| ptr::eq(known.as_ptr(), w)) {
@@ -262,7 +262,7 @@ macro_rules! operations {
                 let n = x.count;
                 assert!([y0.count, y.count, z0.count, z.count].iter().all(|&count| n == count));
                 (y.age, z.age) = (0, 0);
-                // SAFETY: all have so many blocks; what is written is borrowed exclusively, so that it is none of the others.
+                // SAFETY: all have so many blocks; what is written is borrowed exclusively, so that it is not one of the others.
                 unsafe {
                     let (y, z) = ((y0.blocks.as_ptr().cast_const(), y.blocks.as_ptr()), (z0.blocks.as_ptr().cast_const(), z.blocks.as_ptr()));
                     kernels::correct(n, c, x.blocks.as_ptr(), y, z);

@@ -36,7 +36,7 @@ pub(super) struct CompileArguments {
     /// (default: standard output)
     #[arg(short, long, value_name = "FILE.smplc")]
     output: Option<PathBuf>,
-    /// Print a stage of the compilation in place of writing the compiled model
+    /// Print a stage of the compilation instead of writing the compiled model
     #[arg(long, value_enum)]
     emit: Option<Stage>,
 }
@@ -143,8 +143,8 @@ fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
     Ok(format!("{method}, exact"))
 }
 
-/// The array that holds each element with a public name, by its name in the flat model, and the element's number in it. What is no
-/// variable of its own is an output.
+/// The array that holds each element with a public name, by its name in the flat model, and the element's number in it. Elements
+/// without a variable are outputs.
 fn places(model: &CompiledModel) -> HashMap<String, (String, usize)> {
     let interface = model.interface();
     let lists = [

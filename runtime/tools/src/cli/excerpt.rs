@@ -6,11 +6,11 @@ use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanConten
 use smpl_dsl::diagnostic::printable;
 use smpl_dsl::span::Span;
 
-/// Longer lines are cut: nobody reads them, and the renderer cannot count their columns.
+/// Longer lines are cut: they are unreadable, and the renderer cannot count their columns.
 const LONG_LINE: usize = 400;
 /// Length of the part of a line shown before its first mark.
 const BEFORE: usize = 100;
-/// Marks farther away from the first one than this are told in words.
+/// Marks farther away from the first one than this are described in words.
 const FAR: usize = 1000;
 /// A mark over more lines is drawn on the first one only.
 const TALL: usize = 8;
@@ -91,7 +91,7 @@ impl SourceCode for Excerpt {
     fn read_span<'a>(&'a self, span: &SourceSpan, before: usize, after: usize) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let contents = self.text.read_span(span, before, after)?;
         let line = contents.line();
-        // A place that is asked for alone is told in words: the columns that were cut off count.
+        // A place that is asked for alone is described in words: the columns that were cut off count.
         let cut = self.lines.get(line).filter(|_| before == 0).map_or(0, |line| line.from - line.start);
         let column = contents.column() + cut;
         let span = *contents.span();

@@ -74,7 +74,7 @@ fn write(files: &[File], paths: &[PathBuf]) -> Result<(), Failed> {
     outputs::conclude(&format!("written to {written}\n"), &[Some(main)])
 }
 
-/// The main file and those beside it.
+/// The main file and those next to it.
 fn paths(main: &Path, target: Target) -> Result<Vec<PathBuf>, Failed> {
     let endings = target.endings();
     if endings.len() == 1 {

@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &FitArguments) -> Result<(), Failed> {
     let status = Command::new(&python).arg("-m").arg(MODULE).args(&arguments.arguments).status();
     match status {
         Ok(status) if status.success() => Ok(()),
-        // Python has said what is wrong.
+        // Python has reported the error.
         Ok(status) => Err(Failed::Quiet(status.code().unwrap_or(1))),
         Err(error) => Err(Failed::Message(format!("{} cannot be started: {error}", python.display()))),
     }
@@ -46,7 +46,7 @@ fn missing(tried: &[String]) -> String {
     )
 }
 
-/// Pythons in the order in which they are asked: the one named by `SMPL_PYTHON` alone; else that beside this command, that of the active
+/// Pythons in the order in which they are asked: the one named by `SMPL_PYTHON` alone; else that next to this command, that of the active
 /// environment, those of the path.
 fn interpreters() -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os("SMPL_PYTHON") {

@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &ImportArguments) -> Result<(), Failed> {
     let name = arguments.file.file_name().map_or_else(|| file.clone(), |name| name.to_string_lossy().into_owned());
     let imported = sbml(&xml, &name).map_err(|error| Failed::Message(format!("{file}: {error}")))?;
     if let Some(why) = &imported.without_units {
-        report::note(&format!("note: units are told in words only: {why}\n"));
+        report::note(&format!("note: units are in descriptions only: {why}\n"));
     }
     match &arguments.output {
         None => say(imported.text),

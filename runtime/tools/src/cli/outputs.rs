@@ -18,7 +18,7 @@ pub(super) fn table(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Refuses tables whose ending is none of a table.
+/// Refuses tables whose ending is not one of a table.
 pub(super) fn endings(tables: &[Option<&Path>]) -> Result<(), Failed> {
     let wrong = tables.iter().flatten().filter(|path| !is_standard_output(path)).find_map(|path| other_ending(path));
     wrong.map_or(Ok(()), |message| Err(Failed::Message(message)))

@@ -19,16 +19,16 @@ use smpl_runtime::trajectory::{DataError, WriteError};
 /// Reason why a command ends early.
 #[derive(Debug)]
 pub(super) enum Failed {
-    /// Everything was said already.
+    /// Everything was reported already.
     Quiet(i32),
-    /// A file or a value is at fault.
+    /// A file or a value is invalid.
     Message(String),
     /// Faults with places.
     Diagnostics(Vec<Diagnostic>, std::sync::Arc<SourceMap>),
 }
 
 impl Failed {
-    /// Prints what is to be said; the exit status.
+    /// Prints the message; the exit status.
     pub(super) fn print(self) -> i32 {
         let text = match self {
             Failed::Quiet(status) => return status,
@@ -72,7 +72,7 @@ failed_by_message!(
     crate::picture::ShowError
 );
 
-/// A reader of the standard output that has gone away is no fault.
+/// A reader of the standard output that has gone away is not a fault.
 impl From<WriteError> for Failed {
     fn from(error: WriteError) -> Self {
         match error.source.kind() {
@@ -117,7 +117,7 @@ impl From<DataError> for Failed {
 fn data_diagnostic(path: &Path, line: u64, word: &str, error: &DataError) -> Option<Failed> {
     let bytes = smpl_runtime::files::read(path).ok()?;
     let text = String::from_utf8_lossy(&bytes).into_owned();
-    // What is no UTF-8 is shown as such.
+    // Invalid UTF-8 is shown as such.
     let word = if std::str::from_utf8(&bytes).is_err() && word.is_empty() { "\u{fffd}" } else { word };
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1) as usize).map(str::len).sum();
     let content = text.get(start..)?.lines().next().unwrap_or_default().to_owned();

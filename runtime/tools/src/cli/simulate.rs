@@ -40,7 +40,7 @@ pub(super) struct SimulateArguments {
     /// nominal, random, or a policy that the model declares
     #[arg(long, value_name = "NAME", default_value = "nominal")]
     pub(super) policy: String,
-    /// Number of steps, in place of the time limit
+    /// Number of steps, instead of the time limit
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     steps: Option<u32>,
     /// Start of the episode
@@ -49,7 +49,7 @@ pub(super) struct SimulateArguments {
     /// Initial values: one row, columns named as states, discrete variables or guesses of algebraic ones; or a table of `smpl steady --out`
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
-    /// Recorded disturbances in place of drawn ones
+    /// Recorded disturbances instead of drawn ones
     #[arg(long, value_name = "D.csv")]
     disturbances: Option<PathBuf>,
     /// Course of recorded inputs between the times of their tables
@@ -202,13 +202,13 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
     outputs::conclude(&summary, &written)
 }
 
-/// Records that end early are said.
+/// Records that end early are reported.
 fn warn_of_the_end(path: Option<&Path>, message: &str) {
     let file = path.map(|path| format!("{}: ", path.display())).unwrap_or_default();
     report::note(&format!("warning: {file}{message}\n"));
 }
 
-/// Files that are read beside the sources.
+/// Files that are read next to the sources.
 fn data_files(arguments: &SimulateArguments) -> impl Iterator<Item = PathBuf> {
     let data = [&arguments.actions, &arguments.init, &arguments.disturbances];
     data.into_iter().flatten().chain([&arguments.file]).cloned()

@@ -172,7 +172,7 @@ fn over(line: String, indices: &[Binder]) -> String {
     }
 }
 
-/// The text of a policy, which stands between its name and its block.
+/// The text of a policy, which is between its name and its block.
 fn policy_text<'s>(writer: &Writer<'s>, statement: &Statement, name: &Ident) -> &'s str {
     let source = writer.source;
     let rest = source.texts.text(Span { start: name.span.end, ..statement.span });

@@ -188,7 +188,7 @@ impl<'s> Writer<'s> {
     fn table(&mut self, table: &Table) {
         let over: Vec<&str> = table.indices.iter().map(|i| i.text.as_str()).collect();
         let names: Vec<String> = table.columns.iter().map(|c| code(&format!("{}[{}]", c.name.text, over.join(", ")))).collect();
-        let default = table.default.as_ref().map(|e| format!(", {} where nothing stands", self.inline(e))).unwrap_or_default();
+        let default = table.default.as_ref().map(|e| format!(", {} by default", self.inline(e))).unwrap_or_default();
         let text = table.text.as_ref().map(|text| format!(": {}", prose(text))).unwrap_or_default();
         self.block(&format!("Table{} {}{text}{default}.", if names.len() > 1 { "s" } else { "" }, names.join(", ")));
         let first = over.first().map(|name| code(name)).unwrap_or_default();

@@ -19,7 +19,7 @@ const MARGIN: (f64, f64) = (18.0, 62.0);
 const INK: Colour = Colour(30, 30, 30);
 const EDGE: Colour = Colour(0, 114, 178);
 const FILL: Colour = Colour(232, 241, 248);
-/// Most names beside an arrow.
+/// Most names next to an arrow.
 const NAMES: usize = 3;
 
 /// The flowsheet; `None` where the model has no units.

@@ -24,7 +24,7 @@ struct Rows {
     rows: Vec<Vec<String>>,
 }
 
-/// Statements that are not part of the model as it stands, or may be taken out of it.
+/// Statements that are not part of the present model, or may be taken out of it.
 struct Alternative<'s> {
     title: String,
     text: String,
@@ -37,14 +37,14 @@ pub(super) struct Writer<'s> {
     pub interface: &'s Interface,
     page: String,
     rows: Option<Rows>,
-    /// Headings under which nothing stands yet, with their levels.
+    /// Headings that are still empty, with their levels.
     waiting: Vec<(usize, String)>,
     alternatives: Vec<Alternative<'s>>,
     /// Files that are there already.
     seen: Vec<bool>,
     /// The chapter that is open, where the text names none.
     chapter: &'static str,
-    /// The text has headings of its own.
+    /// The text has its own headings.
     titled: bool,
     /// The component that is written down, or a variant: no chapters inside.
     inside: Option<&'s str>,
@@ -59,7 +59,7 @@ impl<'s> Writer<'s> {
 
     // ---- what others write with
 
-    /// A heading; it waits for what stands under it.
+    /// A heading; it waits for what is under it.
     fn heading(&mut self, level: usize, text: &str) {
         self.flush();
         self.waiting.retain(|(above, _)| *above < level);
@@ -122,7 +122,7 @@ impl<'s> Writer<'s> {
         }
     }
 
-    /// Name, meaning and unit of what a display below defines; `what` tells what it is.
+    /// Name, meaning and unit of what a display below defines; `what` shows what it is.
     pub(super) fn label(&mut self, what: &str, name: &str, unit: &str, text: &str) {
         let what = if what.is_empty() { String::new() } else { format!("{what} ") };
         let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
@@ -159,7 +159,7 @@ impl<'s> Writer<'s> {
     fn comments(&mut self, file: FileId, from: u32, to: u32) {
         let Some(text) = self.source.texts.file(file).and_then(|file| file.text().get(from as usize..to as usize)) else { return };
         let mut paragraph: Vec<String> = Vec::new();
-        // The first line is the rest of one that a statement stands on, but at the head of a file.
+        // The first line is the rest of one that a statement is on, but at the head of a file.
         let lines: Vec<&str> = text.lines().skip(usize::from(from > 0)).collect();
         for line in lines.iter().copied().chain([""]) {
             match (title(line), line.trim_start().strip_prefix('#')) {
@@ -276,7 +276,7 @@ impl<'s> Writer<'s> {
         self.chapter = "component";
     }
 
-    /// The alternatives, under a heading of their own. They may hold others.
+    /// The alternatives, under a separate heading. They may hold others.
     fn alternatives(&mut self) {
         if !self.alternatives.is_empty() {
             self.heading(2, "Variants and options");

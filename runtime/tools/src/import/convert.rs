@@ -12,7 +12,7 @@ use super::units::{self, Product};
 use super::writer::{Writer, shown};
 use super::xml::Fault;
 
-/// Before the text of a unit that stands in place of an id.
+/// Before the text of a unit that replaces an id.
 pub(super) const LITERAL: char = '=';
 
 /// Comment on the file at the head of the text.
@@ -175,7 +175,7 @@ impl Conversion<'_> {
             self.line(&format!("# Other names than in the file: {}.", changed.join(", ")));
         }
         if let Some(why) = head.bare {
-            self.line(&format!("# Units are told in words only, and everything is a number: {}", quoted(why, 300)));
+            self.line(&format!("# Units are in descriptions only, and everything is a number: {}", quoted(why, 300)));
         }
         let unit = self.time_unit();
         let shown = if self.bare { "1" } else { unit.as_str() };
@@ -279,7 +279,7 @@ impl Conversion<'_> {
         work(&Writer { names: &|id| self.names.of(id), units: &units, time: &self.time })
     }
 
-    /// Rates of what is no state of its own have no name in the language.
+    /// Rates of symbols that are not states have no name in the language.
     pub(super) fn checked(&self, place: usize, math: &Math) -> Result<Math, Fault> {
         // The rule of a concentration whose amount is the state.
         let rate = |id: &str| {
@@ -292,7 +292,7 @@ impl Conversion<'_> {
                 Some(Role::Parameter | Role::Discrete) if !self.roles.amounts.contains(id) => Ok(Math::Number(0.0, None)),
                 Some(Role::State) if !self.roles.amounts.contains(id) => Ok(part),
                 Some(Role::State) if rate(id).is_some() => Ok(rate(id).cloned().unwrap_or(part)),
-                _ => Err(format!("`rateOf` of `{id}`, which is no state of its own")),
+                _ => Err(format!("`rateOf` of `{id}`, which is not a state")),
             },
             _ => Ok(part),
         });

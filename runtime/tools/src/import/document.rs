@@ -205,9 +205,9 @@ fn notes(node: Node<'_, '_>) -> String {
 pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
     let root = document.root_element();
     if tag(root) != "sbml" {
-        return Err(fault(root, format!("this is no SBML: the outermost element is `{}`, not `sbml`", tag(root))));
+        return Err(fault(root, format!("not SBML: the outermost element is `{}`, not `sbml`", tag(root))));
     }
-    let whole = |name: &str| needed(root, name)?.parse::<u32>().map_err(|_| fault(root, format!("`{name}` is no whole number")));
+    let whole = |name: &str| needed(root, name)?.parse::<u32>().map_err(|_| fault(root, format!("`{name}` is not a whole number")));
     let (level, version) = (whole("level")?, whole("version")?);
     if !(2..=3).contains(&level) {
         return Err(fault(root, format!("SBML Level {level} is not read, Levels 2 and 3 are: libSBML converts between them")));

@@ -13,7 +13,7 @@ const COMMON: [&str; 4] = ["id", "metaid", "name", "sboTerm"];
 /// Attributes of MathML.
 const MATH: [&str; 9] = ["base", "class", "definitionURL", "encoding", "href", "id", "style", "type", "xref"];
 
-/// Elements with attributes of their own.
+/// Elements with their own attributes.
 const ATTRIBUTES: [(&str, &[&str]); 19] = [
     ("sbml", &["level", "version"]),
     ("model", &["substanceUnits", "timeUnits", "volumeUnits", "areaUnits", "lengthUnits", "extentUnits", "conversionFactor"]),

@@ -60,7 +60,7 @@ pub(super) fn rivals(c: &Conversion<'_>) -> Vec<Vec<Rival>> {
     let apart = |a: usize, b: usize| matches!((instant(&events[a]), instant(&events[b])), (Some(a), Some(b)) if a != b);
     let rival = |a: usize, b: usize| a != b && !apart(a, b) && (disturbs(a, b) || disturbs(b, a) || met.contains(&(a, b)));
     let direct: Vec<Vec<usize>> = (0..events.len()).map(|a| (0..events.len()).filter(|&b| rival(a, b)).collect()).collect();
-    // By priorities an event also waits for one that sets off a rival of its own.
+    // By priorities an event also waits for one that triggers a rival.
     let group = if ranked { groups(&direct) } else { vec![] };
     let together = |a: usize, b: usize| a != b && ranked && group[a] == group[b];
     let of = |a: usize| {

@@ -76,7 +76,7 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
                     return Err(at(part.at, format!("`{}` is changed by a reaction and by a rule", part.species)));
                 }
                 Kind::Species { .. } => set(part.at, &part.species, Role::State)?,
-                _ => return Err(at(part.at, format!("`{}` is no species", part.species))),
+                _ => return Err(at(part.at, format!("`{}` is not a species", part.species))),
             }
         }
     }

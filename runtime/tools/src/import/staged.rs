@@ -1,6 +1,6 @@
 //! Events in stages: a trigger, a delay, an execution one by one.
 //!
-//! The trigger sets the values aside and notes that the event is due, now or after its delay; an event of its own executes it. What may act on one another
+//! The trigger sets the values aside and notes that the event is due, now or after its delay; a separate event executes it. What may act on one another
 //! is executed one by one: `settling` is 1 for one more round of events, in which triggers see what has changed.
 
 use super::convert::{Conversion, at, comment};
@@ -74,7 +74,7 @@ impl Conversion<'_> {
         matches!(math, Math::Number(..)) || matches!(math, Math::Name(id) if self.roles.of(id) == Some(Role::Parameter))
     }
 
-    /// Declares the flags by which events run one by one: one for executions, one for what they set in a round of its own.
+    /// Declares the flags by which events run one by one: one for executions, one for what they set in a separate round.
     pub(super) fn settling(&mut self, plans: &[Option<Plan>]) -> Vec<String> {
         let ordered = |plan: &&Plan| !plan.rivals.is_empty();
         let in_two = |plan: &Plan| {
@@ -266,7 +266,7 @@ impl Conversion<'_> {
         self.block(&name, &lines);
     }
 
-    /// When it is the turn of a slot: it is due, and nothing that goes before it is.
+    /// When it is the turn of a slot: it is due, and no earlier one is.
     fn turn(&self, plan: &Plan, slot: usize, plans: &[Option<Plan>], settling: &[String]) -> Result<String, Fault> {
         let own = &plan.slots[slot];
         let due = match (&own.due, &own.time) {

@@ -179,7 +179,7 @@ impl Conversion<'_> {
         }
     }
 
-    /// The number that a symbol has at the start, where it can be told.
+    /// The number that a symbol has at the start, where it can be determined.
     pub(super) fn start_value(&self, id: &str, depth: usize) -> Option<f64> {
         if depth > DEEPEST || !self.goes_on() {
             return None;

@@ -9,7 +9,7 @@ use super::math::Math;
 pub(super) struct Trigger {
     pub(super) value: Math,
     pub(super) at_zero: bool,
-    /// The condition is one comparison, as it stands.
+    /// The condition is one comparison, unchanged.
     pub(super) plain: bool,
 }
 
@@ -90,6 +90,6 @@ fn function(condition: &Math, negated: bool, seen: &mut Seen<'_>) -> Result<Math
         other if (seen.steps)(other) => Ok(jump(other, negated)),
         Math::Apply("==" | "!=", _) => Err("asks for equality, which has no instant".into()),
         other if other.is_condition() && !other.has_equality() => Ok(jump(other, negated)),
-        _ => Err("is no comparison".into()),
+        _ => Err("is not a comparison".into()),
     }
 }

@@ -8,7 +8,7 @@ pub(super) type Product = Vec<(String, f64)>;
 /// Symbols with their exponents, as the tables hold them.
 type Symbols = &'static [(&'static str, f64)];
 
-/// Kinds of SBML: products of symbols, whether a prefix may stand before the first.
+/// Kinds of SBML: products of symbols, whether a prefix may be before the first.
 const KINDS: [(&str, Symbols, bool); 33] = [
     ("ampere", &[("A", 1.0)], true),
     ("becquerel", &[("s", -1.0)], false),
@@ -49,7 +49,7 @@ const KINDS: [(&str, Symbols, bool); 33] = [
 const PREFIXES: [(i32, &str); 11] =
     [(-15, "f"), (-12, "p"), (-9, "n"), (-6, "u"), (-3, "m"), (-2, "c"), (-1, "d"), (0, ""), (3, "k"), (6, "M"), (9, "G")];
 
-/// Multiples of the second with a symbol of their own.
+/// Multiples of the second with their own symbol.
 const TIMES: [(f64, &str); 5] = [(60.0, "min"), (3600.0, "h"), (86_400.0, "d"), (604_800.0, "week"), (31_536_000.0, "year")];
 
 /// Default units of SBML Level 2.

@@ -84,7 +84,7 @@ impl Writer<'_> {
     }
 
     fn condition(&self, math: &Math, least: Level) -> Result<String, String> {
-        if math.is_condition() { self.within(math, least) } else { Err("a number stands where a condition has to".into()) }
+        if math.is_condition() { self.within(math, least) } else { Err("a number instead of a condition".into()) }
     }
 
     fn joined(&self, arguments: &[Math], sign: &str, level: Level) -> Result<(String, Level), String> {

@@ -33,8 +33,8 @@ pub(super) fn number(node: Node<'_, '_>, text: &str) -> Result<f64, Fault> {
         "-INF" => Ok(f64::NEG_INFINITY),
         "NaN" => Ok(f64::NAN),
         text if !text.contains(|c: char| c.is_alphabetic() && c != 'e' && c != 'E') => {
-            text.parse().map_err(|_| fault(node, format!("`{text}` is no number")))
+            text.parse().map_err(|_| fault(node, format!("`{text}` is not a number")))
         }
-        text => Err(fault(node, format!("`{text}` is no number"))),
+        text => Err(fault(node, format!("`{text}` is not a number"))),
     }
 }

@@ -1,4 +1,4 @@
-//! Requests that take time: a queue with a thread of its own, in which newer requests of a channel replace older ones.
+//! Requests that take time: a queue with its own thread, in which newer requests of a channel replace older ones.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};

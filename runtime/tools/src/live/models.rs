@@ -228,7 +228,7 @@ impl Compiled {
     }
 }
 
-/// The files of a model with their texts; texts that are no files are left out.
+/// The files of a model with their texts; texts that are not files are left out.
 fn texts_of(loaded: &Loaded) -> impl Iterator<Item = (PathBuf, String)> {
     let files = (0..loaded.sources.len()).filter_map(|i| loaded.sources.file(smpl_dsl::span::FileId(i as u16)));
     files.filter(|file| Path::new(file.name()).is_absolute()).map(|file| {

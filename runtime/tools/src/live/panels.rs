@@ -14,7 +14,7 @@ const MOST_FIRST: usize = 16;
 const MOST_OUTPUTS: usize = 4;
 /// Most lines of a panel.
 const MOST_LINES: usize = 24;
-/// Most elements of an array that have curves of their own.
+/// Most elements of an array that have their own curves.
 const MOST_ELEMENTS: usize = 200;
 
 /// One curve.

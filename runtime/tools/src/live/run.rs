@@ -29,7 +29,7 @@ const MOST_FIELD_NUMBERS: usize = 4_000_000;
 pub(crate) struct RunRequest {
     #[serde(default)]
     pub(crate) settings: Settings,
-    /// Names of columns; those of the panels that come first where there are none.
+    /// Names of columns; those of the panels that come first if missing.
     pub(crate) columns: Option<Vec<String>>,
     /// Names of fields.
     pub(crate) fields: Option<Vec<String>>,

@@ -362,7 +362,7 @@ impl Session {
         answer(edits.map(|(range, new_text)| TextEdit { range: places.range(&range), new_text }).collect::<Vec<_>>())
     }
 
-    /// Tries edits on a thread of their own, since each is compiled.
+    /// Tries edits on a separate thread, since each is compiled.
     pub(super) fn code_actions(&mut self, id: RequestId, params: CodeActionParams) -> Answer {
         if is_scenario(&path_of(&params.text_document.uri)) {
             return answer(Value::Null);

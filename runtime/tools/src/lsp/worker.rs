@@ -272,7 +272,7 @@ impl Shared {
                     continue;
                 }
                 let version = self.texts.version(&path);
-                // A text that has changed since gets a check of its own.
+                // A text that has changed since gets its own check.
                 let checked = program.as_ref().and_then(|program| program.files.iter().find(|file| file.path == path));
                 if checked.is_some_and(|file| self.texts.text(&path).as_deref() != Some(&*file.text)) {
                     continue;

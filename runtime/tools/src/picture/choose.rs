@@ -41,7 +41,7 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
     Panels { panels, time: (low * factor, high * factor), time_unit: unit(&time_unit), factor, constants, left_out }
 }
 
-/// Returns whether a quantity is the time or the number of the step, which the abscissa tells.
+/// Returns whether a quantity is the time or the number of the step, which the abscissa shows.
 fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
     let Kind::Lines(lines) = &plan.kind else { return false };
     let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));

@@ -49,7 +49,7 @@ pub(super) fn width(letters: &str, size: f64, weight: Weight) -> f64 {
     size * letters.chars().map(|c| face(weight).map_or(USUAL, |face| letter(face, c))).sum::<f64>()
 }
 
-/// The size, at most `size`, at which a text is no wider than `room`.
+/// The size, at most `size`, at which a text is at most as wide than `room`.
 #[must_use]
 pub(super) fn fitting(letters: &str, size: f64, weight: Weight, room: f64) -> f64 {
     let wide = width(letters, size, weight);

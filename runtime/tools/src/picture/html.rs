@@ -22,7 +22,7 @@ pub(super) fn page(picture: &Picture) -> String {
     )
 }
 
-/// A part of a page. Names of clip paths are made its own, so that several parts can stand on one page.
+/// A part of a page. Names of clip paths are made its own, so that several parts can be on one page.
 pub(super) fn part(picture: &Picture, id: &str) -> String {
     let svg = picture.svg().replace("id=\"seen-", &format!("id=\"{id}-seen-")).replace("url(#seen-", &format!("url(#{id}-seen-"));
     // `</` or `<!--` in a text would end the script or comment out its end.
@@ -74,7 +74,7 @@ fn of_series(series: &Series) -> Value {
     json!({"label": series.label, "colour": hex(series.colour), "dots": series.dots, "x": numbers(&series.x), "y": numbers(&series.y)})
 }
 
-/// Seven significant digits; null for what is no number.
+/// Seven significant digits; null for what is not a number.
 fn rounded(value: f64) -> Value {
     format!("{value:.6e}").parse::<f64>().ok().filter(|v| v.is_finite()).map_or(Value::Null, |v| json!(v))
 }

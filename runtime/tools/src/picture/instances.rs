@@ -2,7 +2,7 @@
 
 use super::items::{Index, Item, Member, Role, UNNAMED};
 
-/// Fewest instances with names of their own, `T1` to `T4`, that share a panel; those of an array always do.
+/// Fewest instances with their own names, `T1` to `T4`, that share a panel; those of an array always do.
 const LEAST_NAMED: usize = 4;
 
 /// The name of a quantity in any instance: `col[*].c` for `col[2].c`, `T*.h` for `T12.h`; the name itself where no instance has a number.

@@ -44,7 +44,7 @@ impl Role {
         ("rewards", Role::Reward),
     ];
 
-    /// Returns `true` if values hold over the step that ends where they stand.
+    /// Returns `true` if values hold over the step that ends where they are.
     pub(super) fn is_held(self) -> bool {
         matches!(self, Role::Action | Role::Disturbance | Role::Reward)
     }
@@ -94,7 +94,7 @@ pub struct Space {
 /// Name of the members of an index whose set is not known.
 pub(super) const UNNAMED: &str = "index";
 
-/// Least members of an index of numbers that is taken for the cells of a domain.
+/// Least members of an index of numbers that is treated as the cells of a domain.
 const LEAST_CELLS: usize = 8;
 
 impl Index {
@@ -124,7 +124,7 @@ pub struct Item {
     pub observed: bool,
 }
 
-/// The quantities of a model, in the order in which the columns of its tables stand.
+/// The quantities of a model, in the order of the columns of its tables.
 #[must_use]
 pub fn of_model(setup: &Setup) -> Vec<Item> {
     let interface = setup.model().interface();
@@ -260,7 +260,7 @@ fn plain(name: String, role: Role) -> Item {
     Item { name, role, unit: String::new(), text: String::new(), indices: Vec::new(), members: Vec::new(), observed: false }
 }
 
-/// The quantities of the columns of a table. `is_action` tells the columns that are empty in the first row and full after it.
+/// The quantities of the columns of a table. `is_action` shows the columns that are empty in the first row and full after it.
 #[must_use]
 pub fn of_columns(names: &[String], is_action: impl Fn(&str) -> bool) -> Vec<Item> {
     const KEYS: [&str; 9] = ["step", "time", "terminated", "truncated", "run", "scenario", "seed", "episode", "variant"];
@@ -298,7 +298,7 @@ fn grouped(columns: impl Iterator<Item = (String, f64, f64)>, role: Role) -> Vec
     items
 }
 
-/// The indices whose product the labels are; one index of all labels where they are no product.
+/// The indices whose product the labels are; one index of all labels if they are not a product.
 fn indices(members: &[Member]) -> Vec<Index> {
     if let [Member { label, .. }] = members
         && label.is_empty()

@@ -21,7 +21,7 @@ const HIGHEST: f64 = 250.0;
 /// Size of tick labels.
 pub(super) const LABEL: f64 = 9.0;
 const NAME: f64 = 11.0;
-/// Room beside the plot of a map for its scale.
+/// Room next to the plot of a map for its scale.
 pub(super) const SCALE: f64 = 44.0;
 /// Width of the bar of that scale.
 pub(super) const BAR: f64 = 9.0;
@@ -55,9 +55,9 @@ pub(super) struct Placed {
     pub top: f64,
     /// Its whole width.
     pub cell: (f64, f64),
-    /// The name of the abscissa stands below.
+    /// The name of the abscissa is below.
     pub names_abscissa: bool,
-    /// Names of phases stand above.
+    /// Names of phases are above.
     pub names_phases: bool,
 }
 
@@ -206,7 +206,7 @@ impl Grid {
         self.top + self.cell * self.count.div_ceil(self.columns).max(1) as f64
     }
 
-    /// Returns `true` if the name of the abscissa stands below a panel: it is not time, or time of no panel stands below.
+    /// Returns `true` if the name of the abscissa is below a panel: it is not time, or time of no panel is below.
     fn is_free(&self, index: usize, panels: &Panels) -> bool {
         let over_space = |i: usize| panels.panels.get(i).is_none_or(|p| p.over_space);
         over_space(index) || over_space(index + self.columns)
@@ -369,7 +369,7 @@ fn name_lines(panel: &Panel, room: f64) -> usize {
 /// Room for the sign of a series before its name.
 const KEY: f64 = 13.0;
 
-/// Names of series beside their colours.
+/// Names of series next to their colours.
 fn write_series(drawing: &mut Drawing, panel: &Panel, place: &Placed) {
     let (left, room) = place.cell;
     for (i, line) in series_lines(panel, room).into_iter().enumerate() {

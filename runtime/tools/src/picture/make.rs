@@ -12,7 +12,7 @@ use smpl_runtime::trajectory::{DataError, Recorder};
 /// Reason why saved tables cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum SavedError {
-    /// A table is at fault.
+    /// A table is invalid.
     #[error(transparent)]
     Data(#[from] DataError),
     /// The requested quantities are missing or too many.
@@ -49,7 +49,7 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
     })
 }
 
-/// Returns `true` if cells lie where the model says in the run of a table: no column says that a parameter which places them had a value of its own.
+/// Returns `true` if cells lie where the model says in the run of a table: no column says that a parameter which places them had its own value.
 fn tells_space(setup: &Setup, run: &Run) -> bool {
     let model = setup.model();
     let places: HashSet<usize> = model

@@ -1,4 +1,4 @@
-//! Panels with their numbers: curves, maps and what stands beside them, before they have a place on a page.
+//! Panels with their numbers: curves, maps and what is next to them, before they have a place on a page.
 
 use super::axis::{Axis, span};
 use super::colour;
@@ -45,7 +45,7 @@ pub(super) struct Curves {
     pub targets: Vec<f64>,
     /// Range of the ordinate.
     pub range: (f64, f64),
-    /// The series have names of their own within the panel.
+    /// The series have their own names within the panel.
     pub named: bool,
 }
 
@@ -94,7 +94,7 @@ pub(super) struct Panels {
     pub factor: f64,
     /// Text on constant quantities without a panel.
     pub constants: Vec<String>,
-    /// Names of what has no panel for want of room.
+    /// Names of what has no panel for lack of room.
     pub left_out: Vec<String>,
 }
 
@@ -210,7 +210,7 @@ fn curves(lines: &[Line], runs: &[Run], factor: f64, role: Role) -> Body {
             series.push(Series { label, colour, dashes, dots: false, x, y });
         }
     }
-    // Of several runs nobody could tell whose readings these are.
+    // Of several runs the owner of the readings is not clear.
     for line in lines.iter().filter(|line| line.dots && runs.len() == 1) {
         let readings = runs.iter().filter(|run| chosen.first().is_none_or(|exact| differs(run, exact, line)));
         series.extend(readings.map(|run| {
@@ -271,7 +271,7 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut all: Vec<f64> = values.collect();
     all.sort_by(f64::total_cmp);
     all.dedup();
-    // Many guides, one for each of many curves, guide nobody.
+    // Many guides, one for each of many curves, are of no use.
     if all.len() > 2 { Vec::new() } else { all }
 }
 

@@ -56,7 +56,7 @@ pub struct PanelPlan {
     pub rank: u8,
 }
 
-/// Parts of a page, each with room of its own.
+/// Parts of a page, each with its own room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Observed quantities, states, outputs.
@@ -115,7 +115,7 @@ fn split(list: &str, separator: char) -> Vec<String> {
     names.iter().map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect()
 }
 
-/// The panels that the names ask for; a sensible choice where there is none.
+/// The panels that the names ask for; a sensible choice if missing.
 ///
 /// A name is that of a quantity (`T`, `R1.c`), of one of its numbers (`R1.c[tropine,3]`), of some of them (`R1.c[tropine,*]`), of a column
 /// (`obs.T`, `reward.yield`), of all of a role (`states`), or `all`; `profile:col.c` are curves over space, `T+T_c` share a panel.

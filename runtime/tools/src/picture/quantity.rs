@@ -132,7 +132,7 @@ fn is_superscript(c: char) -> bool {
 /// Units of time from short to long, in seconds.
 const TIMES: [(&str, f64); 4] = [("s", 1.0), ("min", 60.0), ("h", 3600.0), ("d", 86_400.0)];
 
-/// The unit in which a length of time is a number between about 1 and 500, and the factor to it; the given one where it is none of the usual.
+/// The unit in which a length of time is a number between about 1 and 500, and the factor to it; the given one for unusual units.
 pub(super) fn readable_time(given: &str, length: f64) -> (String, f64) {
     let Some(&(_, size)) = TIMES.iter().find(|(name, _)| *name == given) else { return (given.to_owned(), 1.0) };
     let fits = |&&(_, unit): &&(&str, f64)| (1.0..500.0).contains(&(length * size / unit));

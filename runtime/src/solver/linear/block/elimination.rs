@@ -1,7 +1,7 @@
 //! The factorisation of a large block as a list of sums, four at a time where they have as many terms.
 //!
 //! Row by row, the processor waits at nearly every product for the one before: each is added to a number that has just been stored. But an entry of L or U
-//! waits for the entries of its own sum only, a_ij − Σ l_ik u_kj (Crout's form of Gaussian elimination). Entries that do not wait for each other form a level;
+//! waits only for the entries of its sum, a_ij − Σ l_ik u_kj (Crout's form of Gaussian elimination). Entries that do not wait for each other form a level;
 //! those of a level with as many terms are done side by side.
 
 use super::reciprocal;
@@ -57,7 +57,7 @@ enum Kind {
 /// A number to be computed.
 struct Number {
     kind: Kind,
-    /// The entry of the matrix, if it is none of the fill.
+    /// The entry of the matrix, unless it is one of the fill.
     entry: Option<u32>,
     /// Pairs of numbers of L and U.
     terms: Vec<(u32, u32)>,
@@ -79,7 +79,7 @@ impl Number {
 /// Numbers done side by side.
 struct Chunk {
     kind: Kind,
-    /// They are no entries of the matrix.
+    /// They are not entries of the matrix.
     fill: bool,
     /// One, or four.
     single: bool,
@@ -109,7 +109,7 @@ impl Elimination {
         let (mut chunks, mut places, mut end) = (Vec::new(), Vec::new(), 0);
         let same = |a: &u32, b: &u32| numbers[*a as usize].shape() == numbers[*b as usize].shape();
         for group in order.chunk_by_mut(same) {
-            // Neighbours read what stands side by side.
+            // Neighbours read adjacent values.
             group.sort_by_cached_key(|&at| operands(&numbers[at as usize], &slots));
             for lanes in group.chunks(LANES) {
                 let first = &numbers[lanes[0] as usize];

@@ -1,9 +1,9 @@
 //! Minimum degree in rounds: an order of elimination in which many rows do not wait for each other.
 //!
 //! Minimum degree takes a chain of cells from its ends, so that each cell waits for the one before, in the factorisation and in every substitution. Here the nodes
-//! of a round are no neighbours of each other (Liu, Modification of the minimum-degree algorithm by multiple elimination, *ACM Trans. Math. Softw.* 11 (1985)
+//! of a round are not neighbours of each other (Liu, Modification of the minimum-degree algorithm by multiple elimination, *ACM Trans. Math. Softw.* 11 (1985)
 //! 141–153), and where those of the least degree are few, those of the next are taken too: every other cell of a chain, then every other one of what is left
-//! (cyclic reduction). 150 cells of ten shells each wait for each other 31 times in place of 329, with as many products.
+//! (cyclic reduction). 150 cells of ten shells each wait for each other 31 times instead of 329, with as many products.
 
 /// Nodes of a round below which those of the next degree are taken too.
 const FEW: usize = 8;
@@ -62,7 +62,7 @@ impl Elimination {
         self.neighbours[node as usize].len()
     }
 
-    /// Nodes of a degree that are no neighbours of each other, nor of those chosen before in this round.
+    /// Nodes of a degree that are not neighbours of each other, nor of those chosen before in this round.
     fn choose(&mut self, left: &[u32], round: u32, degree: usize) -> Vec<u32> {
         let mut chosen = Vec::new();
         for &node in left {

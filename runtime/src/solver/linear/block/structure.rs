@@ -19,7 +19,7 @@ pub(super) enum Step {
     Large(Box<Large>),
 }
 
-/// Small blocks, in the order of their steps. With D the block and B what stands before it, x = D⁻¹ b − D⁻¹ B x_before. Of blocks side by side, items come
+/// Small blocks, in the order of their steps. With D the block and B what is before it, x = D⁻¹ b − D⁻¹ B x_before. Of adjacent blocks, items come
 /// in turns.
 #[derive(Default)]
 pub(super) struct Small {
@@ -68,7 +68,7 @@ impl Cursor<'_> {
     /// Inverts the next blocks, of dimension `N`, and sets their factors; false where a pivot does not serve.
     ///
     /// # Safety
-    /// `values` and `factors` have the lengths for which the structure was made, and the next `L` blocks stand side by side and have dimension `N`.
+    /// `values` and `factors` have the lengths for which the structure was made, and the next `L` blocks are adjacent and have dimension `N`.
     #[inline(always)]
     pub(crate) unsafe fn invert<const N: usize, const L: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
         // SAFETY: places and entries are those of the structure, whose lengths `values` and `factors` have by the contract; blocks are taken
@@ -167,7 +167,7 @@ enum Factorisation {
     Rows(RowWise),
 }
 
-/// A large block: L U = D. With B what stands before it, w = b − B x_before − L w and x = U⁻¹ w.
+/// A large block: L U = D. With B what is before it, w = b − B x_before − L w and x = U⁻¹ w.
 pub(super) struct Large {
     /// Entries of B, to places.
     outside: Box<[Move]>,
@@ -387,7 +387,7 @@ struct Items {
 }
 
 impl Items {
-    /// Those that agree in it can stand side by side.
+    /// Those that agree in it can be adjacent.
     fn shape(&self) -> (u8, Vec<u32>, Vec<u32>, Vec<u32>) {
         let to = |moves: &[Move]| moves.iter().map(|item| item.to).collect();
         (self.size, to(&self.inside), self.columns.clone(), to(&self.outside))

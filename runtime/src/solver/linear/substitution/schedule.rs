@@ -29,11 +29,11 @@ impl Places {
 pub(super) struct Chunk {
     /// Terms of a single sum; zero if there are several.
     pub single: u32,
-    /// Turns whose operands stand anywhere: four places each.
+    /// Turns whose operands are anywhere: four places each.
     pub gathers: u32,
     /// Turns in which all sums take the same operand: one place each.
     pub broadcasts: u32,
-    /// Turns whose operands stand side by side: the first one's place.
+    /// Turns whose operands are adjacent: the first one's place.
     pub runs: u32,
 }
 
@@ -42,7 +42,7 @@ const CHUNK: u32 = 6;
 const LOAD: u32 = 1;
 const GATHER: u32 = 5;
 
-/// A term: where its operand stands, and its number in the sum.
+/// A term: where its operand is, and its number in the sum.
 type Term = (u32, u32);
 
 /// A turn: the place of the operand of each lane, and the number of the lane's term if it has one.
@@ -101,7 +101,7 @@ fn cost_apart(lists: &[&[Term]]) -> u32 {
     lists.iter().map(|terms| CHUNK + terms.len() as u32 * LOAD).sum()
 }
 
-/// The chunks of a substitution, and where everything stands.
+/// The chunks of a substitution, and where everything is.
 pub(super) struct Schedule {
     pub chunks: Vec<Chunk>,
     pub operands: Vec<u32>,

@@ -1,6 +1,6 @@
 //! The operations that need no second compilation, and none where IDA does without.
 //!
-//! Those that write a number other than zero where zeros stand keep to the length, so that the rest of the last block stays zero.
+//! Those that write a number other than zero where zeros are keep to the length, so that the rest of the last block stays zero.
 
 use std::mem;
 use std::rc::Rc;
@@ -72,13 +72,13 @@ unsafe extern "C" fn add_constant(x: N_Vector, b: f64, z: N_Vector) {
 }
 
 unsafe extern "C" fn minimum(x: N_Vector) -> f64 {
-    // SAFETY: a vector of ours, which nobody writes during the call.
+    // SAFETY: a vector of ours, which no code writes during the call.
     unsafe { &*content(x) }.entries().iter().fold(f64::MAX, |least, &value| least.min(value))
 }
 
 /// Weighted root mean square over the entries whose mask is positive.
 unsafe extern "C" fn masked_norm(x: N_Vector, w: N_Vector, mask: N_Vector) -> f64 {
-    // SAFETY: vectors of ours, which nobody writes during the call.
+    // SAFETY: vectors of ours, which no code writes during the call.
     let (x, w, mask) = unsafe { (&*content(x), &*content(w), &*content(mask)) };
     let terms = x.entries().iter().zip(w.entries()).zip(mask.entries()).filter(|&(_, &counts)| counts > 0.0);
     let (sum, count) = terms.fold((0.0, 0.0_f64), |(sum, count), ((x, w), _)| (sum + (x * w) * (x * w), count + 1.0));
@@ -86,7 +86,7 @@ unsafe extern "C" fn masked_norm(x: N_Vector, w: N_Vector, mask: N_Vector) -> f6
 }
 
 unsafe extern "C" fn maximum_norm(x: N_Vector) -> f64 {
-    // SAFETY: a vector of ours, which nobody writes during the call.
+    // SAFETY: a vector of ours, which no code writes during the call.
     unsafe { &*content(x) }.entries().iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 
