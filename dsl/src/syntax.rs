@@ -48,7 +48,7 @@ pub enum StatementKind {
     Import { path: String, path_span: Span },
     /// `time t : h`
     Time { name: Ident, unit: UnitExpr },
-    /// `unit USD`, a unit of a dimension of its own; `unit kUSD = 1000 [USD]`
+    /// `unit USD`, a unit with a new dimension; `unit kUSD = 1000 [USD]`
     Unit { name: Ident, size: Option<Expr>, text: Option<String> },
     /// `set species = { tropine, DMF }` or `set class = 1..9`
     Set { name: Ident, members: SetMembers, text: Option<String> },
@@ -130,7 +130,7 @@ pub enum StatementKind {
 
 /// A statement of a test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 pub enum TestStep {
     /// `start nominal`
     Start(Ident),
@@ -150,7 +150,7 @@ pub enum TestStep {
 
 /// An expectation of a test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 pub enum Expect {
     /// `expect x > 1`
     Holds(Expr),
@@ -164,7 +164,7 @@ pub enum Expect {
     Steady(Option<Expr>),
 }
 
-/// What a declared name is.
+/// Kind of a declared name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Role {
     /// Constant over an episode; may be drawn at reset.

@@ -88,10 +88,10 @@ pub(crate) const CLAUSES: &[&str] = &[
     "cells",
 ];
 
-/// First words of statements inside of a test, beside `expect` and the names of what it sets.
+/// First words of statements inside of a test, next to `expect` and the names of what it sets.
 pub const IN_TESTS: &[&str] = &["start", "scenario", "level", "variant", "policy", "steps", "for"];
 
-/// Whether the word cannot be a name.
+/// Returns `true` if the word cannot be a name.
 #[must_use]
 pub fn is_reserved(word: &str) -> bool {
     RESERVED.contains(&word)
@@ -107,7 +107,7 @@ pub fn is_word(name: &str) -> bool {
     keywords().any(|word| word == name) || [RESERVED, CLAUSES, INSIDE].iter().any(|list| list.contains(&name))
 }
 
-/// Length of the name, keyword or unit symbol that a text begins with; zero if there is none.
+/// Length of the name, keyword or unit symbol that a text begins with; otherwise zero.
 ///
 /// A degree sign begins a unit, and a percent sign ends one: `mol%` is its own unit, and a blank in between makes it another.
 #[must_use]

@@ -45,7 +45,7 @@ impl Faults {
         self.kept.len() + self.more
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` without diagnostics.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.kept.is_empty()

@@ -166,7 +166,7 @@ pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: u
         return Line::plain(render::lines(tokens, indent, padding));
     }
     if keyword == "expect" || !keywords().any(|known| known == keyword) {
-        // What a test sets and runs begins with a name of its own.
+        // What a test sets and runs begins with its own name.
         return Line::plain(vec![format!("{:indent$}{}", "", render::inline(tokens))]);
     }
     let cells = cells(keyword, tokens);

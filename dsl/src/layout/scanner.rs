@@ -266,7 +266,7 @@ impl<'t> Scanner<'t> {
         }
     }
 
-    /// Returns whether a line of a test begins with `for`, which runs it: a statement of its own.
+    /// Returns whether a line of a test begins with `for`, which is a separate statement.
     fn runs_a_test(&self, next: usize) -> bool {
         let inside = |block: &OpenBlock| words::leading_word(&self.text[block.owner.start..]) == "test";
         words::leading_word(&self.text[next..]) == "for" && self.at_statement_level() && self.blocks.last().is_some_and(inside)

@@ -19,7 +19,7 @@ pub(super) fn test(context: &Context<'_>, mut children: Children<'_>, body: Vec<
     Ok(StatementKind::Test { name, name_span, body })
 }
 
-/// A statement of a test; a run behind it, `for 40 [h]`, is one of its own.
+/// A statement of a test; a run behind it, `for 40 [h]`, is a separate statement.
 pub(super) fn statement(file: FileId, raw: &RawStatement, text: &str, word: &str) -> Fallible<Vec<StatementKind>> {
     let rest = text[word.len()..].trim_start();
     let assigns = rest.starts_with(['[', '.']) || rest.starts_with('=') && !rest.starts_with("==");

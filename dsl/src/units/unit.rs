@@ -29,7 +29,7 @@ struct Meaning {
     kind: UnitKind,
     /// Factors as written, for messages.
     factors: Vec<Factor>,
-    /// Whether it stands in a text, and did not come about by arithmetic.
+    /// True if it is in a text, and did not come about by arithmetic.
     written: bool,
     /// True if its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
     between_points: bool,
@@ -70,7 +70,7 @@ impl Unit {
         Self(Arc::new(Meaning { dimension, scale, kind, factors, written: true, between_points: false }))
     }
 
-    /// What arithmetic makes.
+    /// Result of arithmetic.
     fn made(dimension: Dimension, scale: Scale, factors: Vec<Factor>) -> Option<Self> {
         scale
             .is_valid()

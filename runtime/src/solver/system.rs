@@ -78,7 +78,7 @@ pub trait System {
     /// Writes ∂F/∂y + `cj` ∂F/∂y' to `values`, in the order of [`pattern`](Self::pattern).
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]);
 
-    /// The first time from `t` on at which the equations change their form, by a jump or a kink; infinite if there is none.
+    /// The first time from `t` on at which the equations change their form, by a jump or a kink; otherwise infinite.
     /// [`advance`](super::Integrator::advance) stops there and begins anew behind it.
     fn next_break(&mut self, t: f64) -> f64 {
         let _ = t;
@@ -217,7 +217,7 @@ pub struct Pattern {
     rows: Vec<usize>,
 }
 
-/// A pattern that is none.
+/// An invalid pattern.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum PatternError {
     /// `column_starts` must begin with 0, never fall and end with the number of rows given.

@@ -31,7 +31,7 @@ pub(crate) struct Outcome {
     pub faults: Vec<String>,
 }
 
-/// Why a test could not be run.
+/// Reason why a test could not be run.
 #[derive(Debug, thiserror::Error)]
 enum TrialError {
     #[error(transparent)]

@@ -149,7 +149,7 @@ fn free_actions(arguments: &SteadyArguments, catalogue: &Catalogue) -> Result<Ve
     arguments.free.iter().map(position).collect()
 }
 
-/// Puts what is given on the command line into the first guess.
+/// Puts the values of the command line into the first guess.
 fn take_guesses(arguments: &SteadyArguments, catalogue: &Catalogue, y: &mut [f64]) -> Result<(), Failed> {
     if let Some(path) = &arguments.init {
         let given = read_initial(path, catalogue)?.unknowns;

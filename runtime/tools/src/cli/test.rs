@@ -31,7 +31,7 @@ pub(super) struct TestArguments {
 struct Suite {
     file: PathBuf,
     outcomes: Vec<Outcome>,
-    /// Why the model of some tests could not be compiled.
+    /// Reason why the model of some tests could not be compiled.
     error: Option<String>,
 }
 

@@ -32,7 +32,7 @@ pub struct SessionOptions {
     pub within: Option<PathBuf>,
     /// Address of the page of diagnostics, to which codes link.
     pub book: Option<String>,
-    /// The command `smpl` with its first arguments, for code lenses; without it there are none.
+    /// The command `smpl` with its first arguments, for code lenses; without it there are no lenses.
     pub command: Vec<String>,
 }
 
