@@ -84,6 +84,18 @@ def test_the_first_example_of_the_language_reference_compiles() -> None:
     assert smpl.compile(source=piece("docs/language.md", "model Tank")).state_names == ("h",)
 
 
+def test_the_index_of_the_language_reference_has_every_keyword() -> None:
+    """The lists of `dsl/src/words.rs`, whose first column has the statements."""
+    source = (ROOT / "dsl/src/words.rs").read_text(encoding="utf-8").partition("#[cfg(test)]")[0]
+    statements = re.findall(r'^    \("(\w+)", (?:Some|None)', source, re.M)
+    lists = re.findall(r"const (?:RESERVED|CLAUSES|INSIDE|IN_TESTS): &\[&str\] = &\[(.*?)\];", source, re.S)
+    words = {*statements, *re.findall(r'"(\w+)"', "".join(lists))}
+    page = (ROOT / "docs/language.md").read_text(encoding="utf-8")
+    index = page.partition("## Keywords")[2].partition("## Text")[0]
+    assert len(statements) > 40 and len(lists) >= 3
+    assert words - {word for cell in re.findall(r"`([^`]+)`", index) for word in cell.split("/")} == set()
+
+
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
