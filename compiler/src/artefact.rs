@@ -49,7 +49,7 @@ pub struct Circumstances {
     pub settings: Vec<(String, String)>,
 }
 
-/// Why bytes are no usable artefact.
+/// Reason why bytes are not a usable artefact.
 #[derive(Debug, Error)]
 pub enum ArtefactError {
     /// Not an artefact at all.

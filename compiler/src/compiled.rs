@@ -155,21 +155,21 @@ impl CompiledModel {
         Some(places)
     }
 
-    /// Whether a root function looks at derivatives of the unknowns.
+    /// Returns `true` if a root function looks at derivatives of the unknowns.
     #[must_use]
     pub fn roots_use_derivatives(&self) -> bool {
         let model = &self.parts.model;
         self.parts.watched.roots(model).iter().any(|(_, root)| model.exprs.has_derivative(*root))
     }
 
-    /// Whether a quadrature looks at derivatives of the unknowns.
+    /// Returns `true` if a quadrature looks at derivatives of the unknowns.
     #[must_use]
     pub fn quadratures_use_derivatives(&self) -> bool {
         let model = &self.parts.model;
         model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
     }
 
-    /// Whether a quadrature or a root function looks at algebraic unknowns, which have to be right within steps then.
+    /// Returns `true` if a quadrature or a root function looks at algebraic unknowns, which have to be right within steps then.
     #[must_use]
     pub fn algebraic_are_watched(&self) -> bool {
         let model = &self.parts.model;
@@ -184,7 +184,7 @@ impl CompiledModel {
         self.parts.model.quadratures.len()
     }
 
-    /// Whether equations change their form at times that are known beforehand.
+    /// Returns `true` if equations change their form at times that are known beforehand.
     #[must_use]
     pub(crate) fn has_breaks(&self) -> bool {
         self.parts.has_breaks
@@ -196,7 +196,7 @@ impl CompiledModel {
         self.parts.forcings as usize
     }
 
-    /// Whether time occurs in the equations.
+    /// Returns `true` if time occurs in the equations.
     #[must_use]
     pub fn depends_on_time(&self) -> bool {
         self.parts.timed

@@ -102,7 +102,7 @@ pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
     Some(rows.iter().map(&mut slope).collect())
 }
 
-/// Whether time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
+/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
 fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
     let (mut seen, mut stack) = (FastSet::default(), vec![]);
     stack.extend(rows.iter().map(|row| (row.value, false)));

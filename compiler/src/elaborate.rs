@@ -71,7 +71,7 @@ pub struct Elaborated {
     pub model: Model,
     /// All equations.
     pub equations: Vec<Equation>,
-    /// Whether a range of numbers stayed a loop.
+    /// True if a range of numbers stayed a loop.
     pub runs: bool,
     /// Warnings.
     pub warnings: Faults,

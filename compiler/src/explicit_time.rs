@@ -35,7 +35,7 @@ pub(crate) struct ExplicitTime {
 }
 
 impl ExplicitTime {
-    /// Whether the changes of form of a node of time alone are breaks.
+    /// Returns `true` if the changes of form of a node of time alone are breaks.
     pub(crate) fn is_break(&self, exprs: &Exprs, e: ExprId) -> bool {
         exprs.operands(e).all(|o| self.linear.contains(&o) || !exprs.below([o]).any(|e| exprs.node(e) == Expr::Time))
     }
@@ -156,7 +156,7 @@ impl<'a> Collector<'a> {
         if self.moves[e].time { self.slopes.get(&e).copied().flatten() } else { Some(self.exprs().constant(0.0)) }
     }
 
-    /// Whether a slope is zero whatever the inputs.
+    /// Returns `true` if a slope is zero whatever the inputs.
     fn is_flat(&self, slope: ExprId) -> bool {
         self.model.exprs.as_const(slope) == Some(0.0)
     }

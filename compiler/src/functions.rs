@@ -72,12 +72,12 @@ impl Function {
         }
     }
 
-    /// Whether it comes from a program, which is often written element by element; equations are loops already.
+    /// Returns `true` if it comes from a program, which is often written element by element; equations are loops already.
     pub(crate) fn is_program(self) -> bool {
         matches!(self, Function::Start | Function::End | Function::Finish | Function::Outputs | Function::Disturb)
     }
 
-    /// Whether the solver calls it in its inner loop.
+    /// Returns `true` if the solver calls it in its inner loop.
     pub(crate) fn is_hot(self) -> bool {
         matches!(self, Function::Residual | Function::Jacobian | Function::Roots | Function::Bounds | Function::Quadratures)
     }

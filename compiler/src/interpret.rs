@@ -76,7 +76,7 @@ impl Tape {
         Ok(tape)
     }
 
-    /// Whether it does nothing.
+    /// Returns `true` if it does nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()

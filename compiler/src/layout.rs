@@ -200,7 +200,7 @@ impl Layout {
         self.len as usize
     }
 
-    /// Whether the workspace is empty (it never is: the builtins are always there).
+    /// Returns `true` if the workspace is empty (it never is: the builtins are always there).
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
@@ -277,7 +277,7 @@ impl Layout {
         Some(Address { base: Base::Work, offset: start + offset })
     }
 
-    /// Whether a load of that element of a variable is the Jacobian's scalar argument.
+    /// Returns `true` if a load of that element of a variable is the Jacobian's scalar argument.
     #[must_use]
     pub(crate) fn is_factor(&self, var: VarId, element: i64) -> bool {
         matches!(self.roles[var], Some((Role::Builtin, _))) && element == Builtin::DerivativeFactor as i64

@@ -50,7 +50,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Whether what a program stores is a function of the step, the time and the parameters alone: whatever state the process is in, and
+    /// Returns `true` if what a program stores is a function of the step, the time and the parameters alone: whatever state the process is in, and
     /// whatever was done to it, the values are the same.
     #[must_use]
     pub fn is_of_the_step_alone(&self, program: &Program) -> bool {

@@ -193,7 +193,7 @@ impl Equations {
         Ok((self.order.iter().map(|&at| y[at]).collect(), actions))
     }
 
-    /// Whether an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    /// Returns `true` if an equation reads values of the start of the episode, of the end of the step before or of the steady state.
     pub fn reads_other_instants(&self) -> bool {
         self.nominal.reads_other_instants()
     }

@@ -186,7 +186,7 @@ impl Model {
         self.loaded.model.model().programs.policies.iter().map(|(name, _)| name.clone()).collect()
     }
 
-    /// Whether a policy is a function of the step, the time and the parameters alone.
+    /// Returns `true` if a policy is a function of the step, the time and the parameters alone.
     fn is_recipe(&self, policy: &str) -> PyResult<bool> {
         let model = self.loaded.model.model();
         let (_, program) = &model.programs.policies[policy_index(model, policy)?];
@@ -416,7 +416,7 @@ impl Model {
         smpl_runtime::environment::constraint_names(interface).map(str::to_owned).collect()
     }
 
-    /// Whether an equation reads `initial(...)`, `previous(...)` or `steady(...)`.
+    /// Returns `true` if an equation reads `initial(...)`, `previous(...)` or `steady(...)`.
     fn reads_other_instants(&self, py: Python<'_>) -> PyResult<bool> {
         self.evaluate(py, |equations| Ok(equations.reads_other_instants()))
     }

@@ -52,7 +52,7 @@ impl Default for BatchOptions {
     }
 }
 
-/// Why a batch cannot be stepped or reset.
+/// Reason why a batch cannot be stepped or reset.
 #[derive(Debug, thiserror::Error)]
 pub enum BatchError {
     /// An array has the wrong length.
@@ -160,7 +160,7 @@ impl Batch {
         self.count
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0

@@ -68,7 +68,7 @@ impl Family {
         self.elements.len()
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.elements.is_empty()

@@ -60,7 +60,7 @@ pub struct StepResult {
     pub time: f64,
 }
 
-/// Why a step cannot be taken. Nothing was stepped.
+/// Reason why a step cannot be taken. Nothing was stepped.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StepError {
     /// The action has the wrong length.
@@ -85,7 +85,7 @@ pub enum StepError {
     RecordEnded {
         /// Which one.
         name: String,
-        /// How many values it has.
+        /// Number of values it has.
         steps: usize,
     },
     /// There is no running episode.
@@ -333,7 +333,7 @@ impl Environment {
         (0..self.firings.each.len()).filter(|&index| self.firings.each[index].time.is_finite())
     }
 
-    /// Whether a step may be taken without a reset.
+    /// Returns `true` if a step may be taken without a reset.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.progress.phase == Phase::Running

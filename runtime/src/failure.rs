@@ -1,4 +1,4 @@
-//! Why an episode fails, in words.
+//! Reason why an episode fails, in words.
 
 use serde::{Deserialize, Serialize};
 use smpl_compiler::compiled::CompiledModel;
@@ -271,7 +271,7 @@ fn row_of(unknown: usize, model: &CompiledModel) -> Option<&Row> {
     })
 }
 
-/// Whether some counters of the nest address the element.
+/// Returns `true` if some counters of the nest address the element.
 fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
     let mut counters = [0; MAX_DEPTH];
     loop {

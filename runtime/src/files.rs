@@ -71,7 +71,7 @@ pub fn not_utf8(bytes: &[u8]) -> String {
     format!("not UTF-8 at line {line}, column {column}")
 }
 
-/// Whether two paths lead to one file.
+/// Returns `true` if two paths lead to one file.
 #[must_use]
 pub fn is_same(a: &Path, b: &Path) -> bool {
     match (fs::metadata(a), fs::metadata(b)) {
@@ -80,7 +80,7 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Whether what is written to two paths goes into one file, whether it is there or not.
+/// Returns `true` if what is written to two paths goes into one file, whether it is there or not.
 #[must_use]
 pub fn is_same_destination(a: &Path, b: &Path) -> bool {
     is_same(a, b) || matches!((plain_name(a), plain_name(b)), (Some(a), Some(b)) if a == b)
@@ -103,7 +103,7 @@ fn same_metadata(_: &Metadata, _: &Metadata) -> Option<bool> {
     None
 }
 
-/// Whether a path means the standard output.
+/// Returns `true` if a path means the standard output.
 #[must_use]
 pub fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))

@@ -23,7 +23,7 @@ thread_local! {
     static ASKED: Cell<Option<Instant>> = const { Cell::new(None) };
     /// What this thread looks at in place of the hook.
     static FLAG: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
-    /// Whether it has one. The first look at a value that is dropped with its thread allocates, which a step must not.
+    /// True if it has one. The first look at a value that is dropped with its thread allocates, which a step must not.
     static FOLLOWS: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -38,7 +38,7 @@ pub fn follow(flag: Arc<AtomicBool>) {
     FOLLOWS.set(true);
 }
 
-/// Whether somebody wants the computation to stop, asked now.
+/// Returns `true` if somebody wants the computation to stop, asked now.
 #[must_use]
 pub fn requested() -> bool {
     if FOLLOWS.get() {

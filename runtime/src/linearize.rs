@@ -30,7 +30,7 @@ pub struct Linearization {
     pub d: DMatrix<f64>,
 }
 
-/// Why a point cannot be linearised about.
+/// Reason why a point cannot be linearised about.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinearizeError {
     /// The equations cannot be solved for the algebraic variables or the rates.

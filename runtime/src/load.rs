@@ -37,7 +37,7 @@ pub const ARTEFACT_EXTENSION: &str = "smplc";
 /// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
 pub(crate) const JSON_EXTENSION: &str = "json";
 
-/// Whether a file holds a model that was made for a scenario, variants and settings already.
+/// Returns `true` if a file holds a model that was made for a scenario, variants and settings already.
 #[must_use]
 pub fn is_made(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION || e == JSON_EXTENSION)
@@ -93,7 +93,7 @@ impl Loaded {
     }
 }
 
-/// Why a model cannot be loaded.
+/// Reason why a model cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// A file cannot be read.

@@ -42,7 +42,7 @@ impl Pool {
         self.threads.current_num_threads()
     }
 
-    /// Whether this process made them.
+    /// Returns `true` if this process made them.
     pub fn is_mine(&self) -> bool {
         self.process == std::process::id()
     }

@@ -89,7 +89,7 @@ pub struct End {
     pub name: String,
 }
 
-/// Why nothing can be simulated.
+/// Reason why nothing can be simulated.
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
     /// An array has the wrong length.

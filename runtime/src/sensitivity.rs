@@ -58,7 +58,7 @@ pub struct Arrays<'a> {
     pub by_observations: &'a mut [f64],
 }
 
-/// Why there are no derivatives.
+/// Reason why there are no derivatives.
 #[derive(Debug, thiserror::Error)]
 pub enum SensitivityError {
     /// A list has another length than it should.

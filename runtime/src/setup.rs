@@ -24,7 +24,7 @@ use crate::start::{Conflict, Freed};
 use crate::steady::{self, SteadyError};
 use crate::system::CompiledSystem;
 
-/// Why an environment cannot be made.
+/// Reason why an environment cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     /// A name that the model does not have.
@@ -124,7 +124,7 @@ pub(crate) struct Steady {
     pub needed: bool,
     /// A step, or what it is judged by.
     pub by_step: bool,
-    /// Why there is no nominal one, where there should be one and nothing needs it.
+    /// Reason why there is no nominal one, where there should be one and nothing needs it.
     pub missing: Option<SteadyError>,
 }
 
@@ -325,7 +325,7 @@ impl Setup {
         self.system.region(Region::Steady(Part::Action))
     }
 
-    /// Why the model has no steady state with parameters at their means although it declares one.
+    /// Reason why the model has no steady state with parameters at their means although it declares one.
     #[must_use]
     pub fn no_steady(&self) -> Option<&SteadyError> {
         self.steady.missing.as_ref()

@@ -28,7 +28,7 @@ const FOUND: f64 = 1e-8;
 pub struct Spectrum {
     /// The eigenvalues, those with the largest real part first.
     pub values: Vec<Complex<f64>>,
-    /// How many were not computed: of blocks with more than [`DENSE`] states, all but those nearest to zero.
+    /// Number of eigenvalues that were not computed: of blocks with more than [`DENSE`] states, all but those nearest to zero.
     pub omitted: usize,
 }
 

@@ -20,7 +20,7 @@ pub use report::{StartEquation, StartFailure, StartUnknown, Tried};
 use search::{Outcome, Search};
 use smpl_dsl::diagnostic::SourceMap;
 
-/// Why there is no start.
+/// Reason why there is no start.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum StartError {
     /// A block has no solution that was found.

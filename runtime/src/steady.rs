@@ -297,7 +297,7 @@ fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut 
     }
 }
 
-/// Whether no discrete variable moved, beyond rounding.
+/// Returns `true` if no discrete variable moved, beyond rounding.
 fn unchanged(catalogue: &Catalogue, before: &[f64], after: &[f64]) -> bool {
     catalogue.discretes.elements().iter().all(|e| {
         let (a, b) = (before[e.at], after[e.at]);
@@ -336,7 +336,7 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
     found
 }
 
-/// Whether two points have the same values of some states and solved variables, as far as steady states are told apart.
+/// Returns `true` if two points have the same values of some states and solved variables, as far as steady states are told apart.
 #[must_use]
 pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
     elements.iter().all(|e| {

@@ -93,7 +93,7 @@ impl CompiledSystem {
         self.invariants = vec![0.0; 2 * self.model.interface().invariants.len()];
     }
 
-    /// Whether an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    /// Returns `true` if an equation reads values of the start of the episode, of the end of the step before or of the steady state.
     #[must_use]
     pub fn reads_other_instants(&self) -> bool {
         self.shape.reads_other_instants

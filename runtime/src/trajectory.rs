@@ -18,7 +18,7 @@ use std::path::Path;
 pub use crate::files::WriteError;
 pub use crate::files::write_whole;
 
-/// Whether the name of a file says that it is Parquet.
+/// Returns `true` if the name of a file says that it is Parquet.
 fn is_parquet(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet"))
 }
@@ -106,7 +106,7 @@ impl Table {
         self.cells.len() / self.columns.len().max(1)
     }
 
-    /// Whether there is no row.
+    /// Returns `true` if there is no row.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()

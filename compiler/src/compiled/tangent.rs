@@ -257,7 +257,7 @@ impl CompiledModel {
         Ok(Entries { native, places, sources })
     }
 
-    /// Whether an equation reads each unknown itself, beside its rate.
+    /// Returns `true` if an equation reads each unknown itself, beside its rate.
     ///
     /// # Errors
     /// If an equation cannot be differentiated.

@@ -52,7 +52,7 @@ fn joined(exprs: &mut Exprs, rows: Vec<Rows>) -> Vec<Rows> {
     out
 }
 
-/// Whether a row is the next pass of the innermost loop of the one before.
+/// Returns `true` if a row is the next pass of the innermost loop of the one before.
 fn continues(exprs: &mut Exprs, before: &Rows, row: &Rows) -> bool {
     let Some((&extent, outer)) = before.extents.split_last() else { return false };
     let d = outer.len();

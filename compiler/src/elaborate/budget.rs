@@ -46,7 +46,7 @@ pub(in crate::elaborate) struct Budget {
     pub(in crate::elaborate) cancelled: Option<Arc<AtomicBool>>,
 }
 
-/// Whether something may be unrolled.
+/// True if something may be unrolled.
 pub(in crate::elaborate) enum Verdict {
     /// It may.
     Granted,
@@ -56,7 +56,7 @@ pub(in crate::elaborate) enum Verdict {
     Spent,
 }
 
-/// Whether so much work leaves nothing for more.
+/// Returns `true` if so much work leaves nothing for more.
 pub(in crate::elaborate) fn is_spent(work: u32) -> bool {
     work > MAX_WORK
 }
@@ -89,7 +89,7 @@ impl Budget {
         self.exhausted.get_or_insert(span);
     }
 
-    /// Whether one more expression may be elaborated, where there are so many nodes. What an attempt took is not given back.
+    /// Returns `true` if one more expression may be elaborated, where there are so many nodes. What an attempt took is not given back.
     pub(in crate::elaborate) fn may_elaborate(&mut self, span: Span, nodes: usize) -> bool {
         self.work = self.work.saturating_add(1);
         let cancelled = || self.cancelled.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed));
@@ -139,7 +139,7 @@ impl Budget {
         self.named <= MAX_NAMED
     }
 
-    /// Whether nothing more may be unrolled.
+    /// Returns `true` if nothing more may be unrolled.
     pub(in crate::elaborate) fn is_full(&self) -> bool {
         self.written_out > MAX_WRITTEN_OUT || self.exhausted.is_some()
     }

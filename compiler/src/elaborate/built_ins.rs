@@ -37,7 +37,7 @@ fn built_in(name: &str) -> Option<&'static (&'static str, &'static str, Option<&
     NAMES.iter().find(|(n, ..)| *n == name)
 }
 
-/// Whether a name or a function of that name is built in.
+/// Returns `true` if a name or a function of that name is built in.
 #[must_use]
 pub fn is_built_in(name: &str) -> bool {
     built_in(name).is_some() || builtins::find(name).is_some()

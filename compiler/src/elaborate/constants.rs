@@ -23,12 +23,12 @@ pub(in crate::elaborate) struct Constants {
 }
 
 impl Constants {
-    /// Whether the default of a parameter is to be worked out now: it was not begun before.
+    /// Returns `true` if the default of a parameter is to be worked out now: it was not begun before.
     pub(in crate::elaborate) fn begin(&mut self, var: VarId) -> bool {
         !self.numbers.contains_key(&(var, 0)) && self.begun.insert(var)
     }
 
-    /// Whether the default of a parameter is being worked out, or was.
+    /// Returns `true` if the default of a parameter is being worked out, or was.
     pub(in crate::elaborate) fn is_begun(&self, var: VarId) -> bool {
         self.begun.contains(&var)
     }
@@ -53,7 +53,7 @@ impl Constants {
         }
     }
 
-    /// Whether sizes or indices were computed from a parameter.
+    /// Returns `true` if sizes or indices were computed from a parameter.
     pub(in crate::elaborate) fn is_structural(&self, var: VarId) -> bool {
         self.structural.contains(&var)
     }

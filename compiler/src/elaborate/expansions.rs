@@ -28,7 +28,7 @@ pub(in crate::elaborate) struct Expansions {
 }
 
 impl Expansions {
-    /// Whether a definition is being expanded: it needs itself.
+    /// Returns `true` if a definition is being expanded: it needs itself.
     pub(in crate::elaborate) fn is_open(&self, symbol: SymbolId) -> bool {
         self.open.contains(&symbol)
     }
@@ -65,7 +65,7 @@ impl Expansions {
         self.used.insert(symbol);
     }
 
-    /// Whether anything has asked for a definition.
+    /// Returns `true` if anything has asked for a definition.
     pub(in crate::elaborate) fn is_used(&self, symbol: SymbolId) -> bool {
         self.used.contains(&symbol)
     }

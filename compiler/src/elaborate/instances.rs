@@ -43,12 +43,12 @@ pub(in crate::elaborate) struct Instances<'a> {
 /// Components that stand for themselves.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Samples {
-    /// Whether this elaboration is one of samples, and how many instances it has.
+    /// True if this elaboration is one of samples, and how many instances it has.
     pub instances: Option<u32>,
 }
 
 impl Samples {
-    /// Whether what is elaborated is a sample.
+    /// Returns `true` if what is elaborated is a sample.
     pub(in crate::elaborate) fn taken(&self) -> bool {
         self.instances.is_some()
     }

@@ -44,7 +44,7 @@ pub(in crate::elaborate) struct Mark {
 }
 
 impl Reports {
-    /// Whether there is an error.
+    /// Returns `true` if there is an error.
     pub(in crate::elaborate) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
@@ -70,7 +70,7 @@ impl Reports {
         self.diagnostics.push(scenario_fault(name, message, help));
     }
 
-    /// Whether an index name that is not bound is met for the first time in the present statement.
+    /// Returns `true` if an index name that is not bound is met for the first time in the present statement.
     pub(in crate::elaborate) fn is_first_unbound(&mut self, name: &str, attempt: bool) -> bool {
         if self.statement == Span::default() {
             return true;
@@ -96,7 +96,7 @@ impl Reports {
         }
     }
 
-    /// Whether one more diagnostic would be shown, so that a search for what was meant is worth its time.
+    /// Returns `true` if one more diagnostic would be shown, so that a search for what was meant is worth its time.
     pub(in crate::elaborate) fn may_suggest(&self) -> bool {
         self.diagnostics.has_room() && self.compared.get() < MAX_COMPARED
     }
@@ -112,7 +112,7 @@ impl Reports {
         Mark { diagnostics: self.diagnostics.len(), recent: self.recent.len(), unbound: self.recent_unbound.len() }
     }
 
-    /// Whether nothing was reported since.
+    /// Returns `true` if nothing was reported since.
     pub(in crate::elaborate) fn is_unchanged(&self, since: Mark) -> bool {
         self.diagnostics.len() == since.diagnostics
     }

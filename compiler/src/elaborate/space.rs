@@ -89,7 +89,7 @@ impl<'a> Naming<'_, 'a> {
 }
 
 impl<'a> Symbols<'a> {
-    /// Whether all cells have one width.
+    /// Returns `true` if all cells have one width.
     fn is_uniform(&self, domain: DomainId) -> bool {
         let d = self.domains[domain].declaration;
         d.stretch.is_none() && d.faces.is_none()

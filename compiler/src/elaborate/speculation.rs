@@ -36,7 +36,7 @@ pub(in crate::elaborate) struct Trace {
 }
 
 impl Speculation {
-    /// Whether something is being attempted.
+    /// Returns `true` if something is being attempted.
     pub(in crate::elaborate) fn is_active(&self) -> bool {
         self.depth > 0
     }
@@ -79,7 +79,7 @@ impl Speculation {
         self.depth -= 1;
     }
 
-    /// Whether an attempt that has ended gave what was wanted.
+    /// Returns `true` if an attempt that has ended gave what was wanted.
     pub(in crate::elaborate) fn succeeded(&self, since: &Trace, reports: &Reports) -> bool {
         !self.refused && reports.is_unchanged(since.reports)
     }

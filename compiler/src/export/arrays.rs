@@ -38,7 +38,7 @@ pub(super) enum Op {
     Unary(UnaryFn, Id),
     Binary(BinaryFn, Id, Id),
     PowInt(Id, i32),
-    /// How many of the limits the value has left behind; with those that it is equal to?
+    /// Number of the limits below the value; whether equal ones count.
     Passed(Rc<[f64]>, bool, Id),
     /// The number at an index.
     Entry(Rc<[f64]>, Id),

@@ -214,7 +214,7 @@ fn definition(head: &str, arguments: &[&str], body: &str) -> String {
     text + body + "}\n\n"
 }
 
-/// Whether a body mentions an argument.
+/// Returns `true` if a body mentions an argument.
 fn is_used(body: &str, name: &str) -> bool {
     let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let before = |at: usize| body[..at].chars().next_back().is_none_or(|c| !word(c));

@@ -1,8 +1,8 @@
-//! Why a model cannot be exported.
+//! Reason why a model cannot be exported.
 
 use thiserror::Error;
 
-/// Why a model cannot be exported.
+/// Reason why a model cannot be exported.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// There is no such target.

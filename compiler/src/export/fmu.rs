@@ -123,7 +123,7 @@ fn token(description: &str, sources: &[(String, String)]) -> String {
     format!("{{{}}}", &hex[..32])
 }
 
-/// Whether an FMU calls a function. It has start values in place of the programs that compute them.
+/// Returns `true` if an FMU calls a function. It has start values in place of the programs that compute them.
 fn is_carried(function: &Function) -> bool {
     let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes", "initial_states", "initial_discretes"];
     !left_out.contains(&function.name.as_str()) && !function.name.starts_with("policy_")

@@ -20,7 +20,7 @@ pub(super) struct Module {
     pub made: Vec<Made>,
     /// Numbers that the largest function computes.
     pub size: usize,
-    /// Whether time is the last element of `p`.
+    /// True if time is the last element of `p`.
     pub timed: bool,
 }
 

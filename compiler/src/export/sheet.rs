@@ -141,14 +141,14 @@ impl Sheet {
         self.functions.iter().find(|f| f.name == name)
     }
 
-    /// Whether time itself occurs in a function.
+    /// Returns `true` if time itself occurs in a function.
     pub(super) fn uses_time(&self, function: &Function) -> bool {
         let mut found = false;
         self.each_node(function, &mut |node| found |= node == Expr::Time);
         found
     }
 
-    /// Whether a function reads a vector.
+    /// Returns `true` if a function reads a vector.
     pub(super) fn uses(&self, function: &Function, array: Array) -> bool {
         let mut found = false;
         self.each_node(function, &mut |node| {

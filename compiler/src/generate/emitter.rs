@@ -128,7 +128,7 @@ impl Emitter<'_> {
         if self.is_two(block) { types::F64X2 } else { types::F64 }
     }
 
-    /// Whether values of a block have two lanes.
+    /// Returns `true` if values of a block have two lanes.
     pub(super) fn is_two(&self, block: BlockId) -> bool {
         match self.lanes {
             Lanes::One => false,

@@ -46,7 +46,7 @@ pub(super) fn emit(
     columns
 }
 
-/// Whether rounding is an instruction; elsewhere Cranelift would call a library.
+/// Returns `true` if rounding is an instruction; elsewhere Cranelift would call a library.
 fn has_rounding(isa: &dyn TargetIsa) -> bool {
     let by_flag = isa.isa_flags().iter().any(|f| f.name == "has_sse41" && f.as_bool() == Some(true));
     by_flag || !matches!(isa.triple().architecture, target_lexicon::Architecture::X86_64)

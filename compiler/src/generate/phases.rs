@@ -117,7 +117,7 @@ pub(super) fn column_length(extent: u32) -> u32 {
     extent.next_multiple_of(LINE)
 }
 
-/// Whether a node is taken out of the loop as a call of an array kernel.
+/// Returns `true` if a node is taken out of the loop as a call of an array kernel.
 pub(super) fn is_function(node: Expr) -> bool {
     match node {
         // Rounding and signs are a few instructions.
@@ -127,7 +127,7 @@ pub(super) fn is_function(node: Expr) -> bool {
     }
 }
 
-/// Whether a node is written again in each phase.
+/// Returns `true` if a node is written again in each phase.
 pub(super) fn is_repeated(node: Expr) -> bool {
     matches!(node, Expr::Load { .. } | Expr::Counter(_))
 }

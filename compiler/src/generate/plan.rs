@@ -105,7 +105,7 @@ fn size_of(schedule: &Schedule, part: &Part) -> usize {
     size
 }
 
-/// Whether there is only long code, straight or in loops of lanes.
+/// Returns `true` if there is only long code, straight or in loops of lanes.
 fn is_lean(schedule: &Schedule, part: &Part) -> bool {
     let has_reduction = |items: &[Item]| items.iter().any(|item| matches!(item, Item::Reduce { .. }));
     let straight = &schedule.blocks[0].items[part.items.clone()];
@@ -113,7 +113,7 @@ fn is_lean(schedule: &Schedule, part: &Part) -> bool {
     is_long(straight) && part.loops.iter().all(|&block| is_wide(schedule, block) && is_long(&schedule.blocks[block].items))
 }
 
-/// Whether a block of a function without storing in place is a loop written in lanes.
+/// Returns `true` if a block of a function without storing in place is a loop written in lanes.
 pub(super) fn is_wide(schedule: &Schedule, block: BlockId) -> bool {
     let here = &schedule.blocks[block];
     here.leaf && here.children.is_empty() && here.extent >= SHORTEST_WIDE

@@ -77,12 +77,12 @@ impl Segments {
         });
     }
 
-    /// Whether the code is cut at all.
+    /// Returns `true` if the code is cut at all.
     pub(super) fn is_active(&self) -> bool {
         self.active
     }
 
-    /// Whether the result of an item outside of loops is the first value of a segment.
+    /// Returns `true` if the result of an item outside of loops is the first value of a segment.
     pub(super) fn ends_at(&self, item: usize) -> bool {
         self.ends.binary_search(&item).is_ok()
     }
@@ -103,17 +103,17 @@ impl Segments {
     }
 }
 
-/// Whether the code outside of loops is worth cutting.
+/// Returns `true` if the code outside of loops is worth cutting.
 fn is_long(schedule: &Schedule) -> bool {
     schedule.blocks[0].items.len() >= SHORTEST
 }
 
-/// Whether a node is an element of a variable.
+/// Returns `true` if a node is an element of a variable.
 pub(super) fn is_load(node: Expr) -> bool {
     matches!(node, Expr::Load { .. })
 }
 
-/// Whether a node calls a kernel.
+/// Returns `true` if a node calls a kernel.
 fn is_call(node: Expr) -> bool {
     match node {
         Expr::Unary(f, _) => f.kernel().is_some(),

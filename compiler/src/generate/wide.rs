@@ -18,7 +18,7 @@ use crate::kernels::UNARY_COUNT;
 use crate::layout::Base;
 use crate::schedule::{BlockId, Item, is_immediate};
 
-/// Whether a loop is written in lanes.
+/// Returns `true` if a loop is written in lanes.
 pub(super) fn is_in_lanes(emitter: &Emitter<'_>, block: BlockId) -> bool {
     !emitter.input.in_place && is_wide(emitter.input.schedule, block)
 }

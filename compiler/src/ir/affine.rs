@@ -61,7 +61,7 @@ impl Affine {
         Affine { offset: self.offset * factor, strides: self.strides.map(|s| s * factor) }
     }
 
-    /// Whether no loop counter occurs.
+    /// Returns `true` if no loop counter occurs.
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.strides == [0; MAX_DEPTH]

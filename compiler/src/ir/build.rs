@@ -176,7 +176,7 @@ impl Exprs {
         }
     }
 
-    /// How many of a list of limits a number has left behind.
+    /// Number of limits of a list below a number.
     pub fn passed(&mut self, limits: List, side: Side, a: ExprId) -> ExprId {
         match self.as_const(a) {
             Some(x) => self.constant(kernels::passed(self.lists().of(limits), side == Side::UpTo, x)),
@@ -304,7 +304,7 @@ impl Exprs {
         })
     }
 
-    /// Whether a node has a reduction below it (or is one) that `repeats` says so of, by its free counters.
+    /// Returns `true` if a node has a reduction below it (or is one) that `repeats` says so of, by its free counters.
     pub fn has_reduction(&self, e: ExprId, repeats: impl Fn(u8) -> bool) -> bool {
         let mut found = false;
         self.each_reduction(e, &mut |depth, body| found |= repeats(self.free(body) & !(1 << depth.0)));

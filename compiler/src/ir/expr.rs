@@ -70,7 +70,7 @@ pub enum Expr {
     Not(ExprId),
     /// The second where the first (a truth value) holds, else the third. Both are evaluated.
     Select(ExprId, ExprId, ExprId),
-    /// How many of ascending limits ([`Lists::add_limits`]) a number has left behind; NaN for what is not a number.
+    /// Number of ascending limits ([`Lists::add_limits`]) below a number; NaN for NaN.
     Passed(List, Side, ExprId),
     /// The number of a list at an index from 0, a whole number; the first or the last beyond its ends.
     Entry(List, ExprId),
@@ -150,7 +150,7 @@ impl Exprs {
         self.nodes.len()
     }
 
-    /// Whether there is no node.
+    /// Returns `true` if there is no node.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
@@ -183,7 +183,7 @@ impl Exprs {
         self.free[id.index()] & !DERIVATIVE
     }
 
-    /// Whether the node or something in it is the time derivative of a variable.
+    /// Returns `true` if the node or something in it is the time derivative of a variable.
     #[must_use]
     pub fn has_derivative(&self, id: ExprId) -> bool {
         self.free[id.index()] & DERIVATIVE != 0
@@ -198,7 +198,7 @@ impl Exprs {
         }
     }
 
-    /// Whether the node has a truth value.
+    /// Returns `true` if the node has a truth value.
     #[must_use]
     pub(crate) fn is_truth(&self, id: ExprId) -> bool {
         matches!(self.nodes[id.index()], Expr::Truth(_) | Expr::Compare(..) | Expr::And(..) | Expr::Or(..) | Expr::Not(_))

@@ -57,7 +57,7 @@ impl Seen {
         if e.as_u32() < FEW { Self::Bits(vec![0; e.as_u32() as usize / 64 + 1]) } else { Self::Words(FastMap::default()) }
     }
 
-    /// Whether the node is new.
+    /// Returns `true` if the node is new.
     fn insert(&mut self, e: ExprId) -> bool {
         let (word, bit) = (e.as_u32() / 64, 1 << (e.as_u32() % 64));
         let seen = match self {

@@ -11,7 +11,7 @@ use super::FastMap;
 pub struct List {
     /// Where the first one stands.
     pub first: u32,
-    /// How many there are.
+    /// Number of them.
     pub len: u32,
 }
 
@@ -58,7 +58,7 @@ impl Lists {
         self.numbers.get(list.range()).unwrap_or_default()
     }
 
-    /// Whether a list is one of these.
+    /// Returns `true` if a list is one of these.
     #[must_use]
     pub fn has(&self, list: List) -> bool {
         list.len > 0 && list.range().end <= self.numbers.len()

@@ -1,4 +1,4 @@
-//! Whether what a model evaluates stays within its arrays and within reason.
+//! True if what a model evaluates stays within its arrays and within reason.
 
 use super::cursor::{At, ReadError};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Loops, loops_of};
@@ -69,7 +69,7 @@ fn free_only(exprs: &Exprs, id: ExprId, mut loops: Loops) -> Loops {
     loops
 }
 
-/// Whether an address stays in an array of that many elements, whatever the counters.
+/// Returns `true` if an address stays in an array of that many elements, whatever the counters.
 pub(super) fn within(address: Affine, loops: &Loops, len: u32) -> Result<(), String> {
     let (mut low, mut high) = (i128::from(address.offset), i128::from(address.offset));
     for (d, &stride) in address.strides.iter().enumerate().filter(|(_, s)| **s != 0) {

@@ -10,7 +10,7 @@ use super::words::{Word, meaning};
 /// Most elements of all variables together.
 pub(super) const MAX_ELEMENTS: usize = 50_000_000;
 
-/// Why a text is no model.
+/// Reason why a text is not a model.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {
     /// It is no JSON.

@@ -1,6 +1,6 @@
 //! Looking up in lists of numbers.
 
-/// How many of ascending limits a number has left behind: those below it, and with `up_to` the one that it is equal to.
+/// Number of ascending limits below a number, and with `up_to` the one equal to it.
 #[must_use]
 pub fn passed(limits: &[f64], up_to: bool, x: f64) -> f64 {
     if x.is_nan() {

@@ -201,7 +201,7 @@ pub(super) fn log10(x: f64) -> f64 {
     })
 }
 
-/// Whether [`pow_ordinary`] holds.
+/// Returns `true` if [`pow_ordinary`] holds.
 #[inline(always)]
 #[expect(clippy::manual_range_contains, reason = "no branches: this is part of a vector loop")]
 pub(super) fn is_ordinary(x: f64, y: f64) -> bool {

@@ -45,7 +45,7 @@ pub struct KernelTable {
     pub pow_array: BinaryArrayKernel,
     /// `atan2(y, x)` over arrays.
     pub atan2_array: BinaryArrayKernel,
-    /// How many limits are below a number; how many are not above it.
+    /// Numbers of limits below a number, and not above it.
     pub passed: [ListKernel; 2],
     /// The number at an index.
     pub entry: ListKernel,

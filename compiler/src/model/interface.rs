@@ -156,7 +156,7 @@ pub struct FinishLayout {
 }
 
 impl FinishLayout {
-    /// How many numbers there are.
+    /// Number of numbers.
     #[must_use]
     pub fn total(&self) -> usize {
         self.observations.end
@@ -214,7 +214,7 @@ pub struct Alternatives {
 pub struct Variant {
     /// Name.
     pub name: String,
-    /// Whether it is on.
+    /// True if it is on.
     pub on: bool,
 }
 
@@ -238,7 +238,7 @@ impl Choice {
 }
 
 impl Alternatives {
-    /// Whether a choice has an option, or a variant is on (`true`) or off (`false`).
+    /// Returns `true` if a choice has an option, or a variant is on (`true`) or off (`false`).
     #[must_use]
     pub fn has_chosen(&self, name: &str, option: &str) -> bool {
         match self.choices.iter().find(|choice| choice.name == name).and_then(Choice::chosen) {
@@ -247,7 +247,7 @@ impl Alternatives {
         }
     }
 
-    /// Whether a variant or a choice has the name.
+    /// Returns `true` if a variant or a choice has the name.
     #[must_use]
     pub fn names(&self, name: &str) -> bool {
         self.choices.iter().any(|choice| choice.name == name) || self.variants.iter().any(|variant| variant.name == name)

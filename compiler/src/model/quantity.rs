@@ -44,7 +44,7 @@ pub enum Axis {
     Numbers {
         /// The first number.
         first: i64,
-        /// How many there are.
+        /// Number of them.
         count: u32,
         /// Name of the set; empty where the text does not name it.
         set: String,
@@ -53,7 +53,7 @@ pub enum Axis {
     Cells {
         /// Which of [`super::Interface::grids`].
         grid: u32,
-        /// How many there are.
+        /// Number of them.
         count: u32,
     },
 }
@@ -78,7 +78,7 @@ impl Quantity {
         self.axes.iter().map(Axis::len).product()
     }
 
-    /// Whether there is no element.
+    /// Returns `true` if there is no element.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -102,7 +102,7 @@ impl Quantity {
         }
     }
 
-    /// Whether a number is within bounds, but for rounding.
+    /// Returns `true` if a number is within bounds, but for rounding.
     #[must_use]
     pub fn admits(low: f64, high: f64, x: f64) -> bool {
         let size = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
@@ -138,7 +138,7 @@ impl Axis {
         }
     }
 
-    /// Whether it has no member.
+    /// Returns `true` if it has no member.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0

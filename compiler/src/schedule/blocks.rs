@@ -151,7 +151,7 @@ impl Schedule {
         self.blocks[block].children.iter().for_each(|&child| self.each_item(child, visit));
     }
 
-    /// Whether `block` is `outer` or inside of it.
+    /// Returns `true` if `block` is `outer` or inside of it.
     #[must_use]
     pub fn is_inside(&self, block: BlockId, outer: BlockId) -> bool {
         let mut at = Some(block);
@@ -178,7 +178,7 @@ fn home(blocks: &[Block], floor: BlockId, free: u8, block: BlockId) -> BlockId {
     }
 }
 
-/// Whether a node needs no place: it is written where it is used.
+/// Returns `true` if a node needs no place: it is written where it is used.
 #[must_use]
 pub(crate) fn is_immediate(node: Expr) -> bool {
     matches!(node, Expr::Const(_) | Expr::Truth(_))

@@ -103,7 +103,7 @@ fn kinds(exprs: &Exprs, value: ExprId) -> [Kind; 3] {
     [Some(kind(value)), operands.next().map(kind), operands.next().map(kind)]
 }
 
-/// How many of the first shapes are alike, with addresses in arithmetic sequence.
+/// Number of the first shapes that are alike, with addresses in arithmetic sequence.
 fn run_length(shapes: &[Option<Shape>]) -> usize {
     let [Some(first), Some(second), ..] = shapes else { return 1 };
     let step = |a: &Shape, b: &Shape| a.offsets.iter().zip(&b.offsets).map(|(a, b)| b - a).collect::<Vec<i64>>();

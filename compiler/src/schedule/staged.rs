@@ -60,7 +60,7 @@ impl Staged {
         Staged::of_nests(lists.into_iter().map(nest).collect())
     }
 
-    /// Whether nothing is stored.
+    /// Returns `true` if nothing is stored.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.stages.iter().flatten().all(|nest| nest.stores.is_empty())

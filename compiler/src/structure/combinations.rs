@@ -160,12 +160,12 @@ fn subtract(exprs: &mut Exprs, terms: &mut FastMap<VarId, Coefficient>, var: Var
     terms.insert(var, Coefficient { value, at });
 }
 
-/// Whether a dependent equation has something to determine.
+/// Returns `true` if a dependent equation has something to determine.
 fn has_unknown(model: &Model, rest: ExprId) -> bool {
     !model.exprs.loads(rest, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic)).is_empty()
 }
 
-/// Whether nothing else reads the rates of the states or sets the states, but for their initial values.
+/// Returns `true` if nothing else reads the rates of the states or sets the states, but for their initial values.
 fn is_free(model: &Model, equations: &[Equation], lines: &[Line], states: &BTreeSet<VarId>) -> bool {
     let own: FastSet<usize> = lines.iter().map(|line| line.equation).collect();
     let reads = |e: ExprId| !model.exprs.derivatives(e, |v| states.contains(&v)).is_empty();

@@ -65,7 +65,7 @@ impl Given<'_> {
         for_each_element(extents, at, &mut |i| covered.get_mut(i as usize).into_iter().for_each(|slot| *slot = true));
     }
 
-    /// Whether one of the elements is among them.
+    /// Returns `true` if one of the elements is among them.
     fn has(&self, var: VarId, at: Affine, extents: &[u32]) -> bool {
         let mut has = false;
         if let Some(covered) = self.covered.get(&var) {
@@ -231,7 +231,7 @@ fn shifted(exprs: &mut Exprs, e: ExprId, passes: &[i64]) -> ExprId {
     e
 }
 
-/// Whether every rate is `f(t, y) - y'` and nothing else mentions a derivative.
+/// Returns `true` if every rate is `f(t, y) - y'` and nothing else mentions a derivative.
 pub(crate) fn is_explicit(model: &Model) -> bool {
     let exprs = &model.exprs;
     model.rows.iter().all(|row| {

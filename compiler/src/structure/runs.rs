@@ -116,13 +116,13 @@ fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole
     out
 }
 
-/// Whether an equation defines an element of one of the variables, or reads one at an address that its loops change.
+/// Returns `true` if an equation defines an element of one of the variables, or reads one at an address that its loops change.
 fn touches(model: &Model, equation: &Equation, scattered: &FastSet<VarId>) -> bool {
     let defines = matches!(equation.form, EquationForm::Definition { var, .. } if scattered.contains(&var));
     defines || reads(&model.exprs, equation.form.value(), scattered)
 }
 
-/// Whether an expression reads an element of one of the variables at an address that loops change.
+/// Returns `true` if an expression reads an element of one of the variables at an address that loops change.
 fn reads(exprs: &Exprs, value: ExprId, scattered: &FastSet<VarId>) -> bool {
     exprs.loads(value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
 }

@@ -53,7 +53,7 @@ fn singular_loops(model: &Model, rows: &[Row]) -> Vec<Diagnostic> {
         .collect()
 }
 
-/// Whether an equation is `f - x'` with f free of derivatives: it determines x'.
+/// Returns `true` if an equation is `f - x'` with f free of derivatives: it determines x'.
 fn is_rate(model: &Model, row: &Row) -> bool {
     let exprs = &model.exprs;
     let Expr::Binary(BinaryFn::Sub, value, own) = exprs.node(row.residual) else { return false };

@@ -87,7 +87,7 @@ impl Whole {
         (0..count).contains(&part).then_some((part as usize, indices))
     }
 
-    /// Whether the elements of all passes lie in one part.
+    /// Returns `true` if the elements of all passes lie in one part.
     pub(crate) fn holds(&self, at: Affine, loops: &Loops) -> bool {
         let inside = |(index, &n): (&Affine, &u32)| {
             let (low, high) = index.reach(loops);
@@ -116,7 +116,7 @@ impl Whole {
         turns
     }
 
-    /// Whether it has several parts, one after another.
+    /// Returns `true` if it has several parts, one after another.
     pub(crate) fn is_in_parts(&self) -> bool {
         !self.interleaved && self.equations.len() > 1
     }

@@ -1,4 +1,4 @@
-//! Whether a step of a batch goes faster on many threads or on one.
+//! True if a step of a batch goes faster on many threads or on one.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Whether the next step is for many threads.
+    /// Returns `true` if the next step is for many threads.
     pub(super) fn chooses_threads(&mut self) -> bool {
         let Some(alone) = self.alone else { return false };
         let Some(together) = self.together else { return alone > WORTH_THREADS };

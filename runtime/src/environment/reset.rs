@@ -67,7 +67,7 @@ pub struct ResetOptions {
     pub disturbance_seed: Option<u64>,
 }
 
-/// Why an episode cannot begin.
+/// Reason why an episode cannot begin.
 #[derive(Debug, thiserror::Error)]
 pub enum ResetError {
     /// A name that the model does not have.

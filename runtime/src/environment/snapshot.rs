@@ -39,7 +39,7 @@ struct Content {
     replay: Vec<Replay>,
 }
 
-/// Why a snapshot cannot be used.
+/// Reason why a snapshot cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotError {
     /// It does not belong to the environment.

@@ -51,7 +51,7 @@ pub enum Direction {
     Disturbance(usize),
 }
 
-/// Why there are no derivatives.
+/// Reason why there are no derivatives.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FollowError {
     /// The step does not come to its end.

@@ -58,7 +58,7 @@ impl Environment {
             .or_else(|| infinite(Part::Observations).map(NotFinite::Observation))
     }
 
-    /// Whether there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
+    /// Returns `true` if there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
     fn all_finite(&self) -> bool {
         let sum = |values: &[f64]| values.iter().map(|x| x * 0.0).sum::<f64>();
         let undefined = || self.integrator.undefined_event().is_some();

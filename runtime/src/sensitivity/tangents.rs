@@ -113,7 +113,7 @@ impl Tangents {
         self.chunks[direction / LANES].work[cell][direction % LANES] = value;
     }
 
-    /// Whether something in a part of the workspace moves.
+    /// Returns `true` if something in a part of the workspace moves.
     pub(crate) fn is_active(&self, cells: Range<usize>) -> bool {
         self.chunks.iter().any(|chunk| chunk.work[cells.clone()].iter().any(|tangent| *tangent != STILL))
     }

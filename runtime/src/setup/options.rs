@@ -47,11 +47,11 @@ pub struct SolverOverrides {
     pub max_events: Option<NonZeroU32>,
     /// Longest internal step, in the model's unit of time.
     pub max_step: Option<f64>,
-    /// Whether a control step that the method fails in is repeated with the other implicit method.
+    /// True if a control step that the method fails in is repeated with the other implicit method.
     pub retry: Option<bool>,
-    /// Whether algebraic variables enter the error test.
+    /// True if algebraic variables enter the error test.
     pub algebraic_error_control: Option<bool>,
-    /// Whether the integrals of rewards enter the error test.
+    /// True if the integrals of rewards enter the error test.
     pub quadrature_error_control: Option<bool>,
     /// What solves the linear systems of Newton's method.
     pub linear_solver: Option<LinearSolver>,

@@ -6,13 +6,13 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Program, Role, VarId};
 use smpl_compiler::model::Model;
 
-/// Whether `finish` or the algebraic outputs read a time derivative.
+/// Returns `true` if `finish` or the algebraic outputs read a time derivative.
 pub(super) fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     let programs = &model.model().programs;
     reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
 }
 
-/// Whether an equation that determines an algebraic unknown reads a rate: the unknown is as right as the rate then, not as the states are.
+/// Returns `true` if an equation that determines an algebraic unknown reads a rate: the unknown is as right as the rate then, not as the states are.
 pub(super) fn algebraics_read_rates(model: &CompiledModel) -> bool {
     let model = model.model();
     let solved: HashSet<VarId> = model.interface.quantities.solved.iter().filter_map(|quantity| quantity.var).collect();
@@ -20,7 +20,7 @@ pub(super) fn algebraics_read_rates(model: &CompiledModel) -> bool {
     reads_in(model, rows.map(|row| row.residual).collect(), Flavour::Derivative)
 }
 
-/// Whether a step, or what it is judged by, reads the steady state.
+/// Returns `true` if a step, or what it is judged by, reads the steady state.
 pub(super) fn step_reads_steady(model: &CompiledModel) -> bool {
     let model = model.model();
     let p = &model.programs;
@@ -33,7 +33,7 @@ pub(super) fn step_reads_steady(model: &CompiledModel) -> bool {
     reads_in(model, todo, Flavour::Steady)
 }
 
-/// Whether anything reads values of a kind.
+/// Returns `true` if anything reads values of a kind.
 pub(super) fn reads(model: &CompiledModel, flavour: Flavour) -> bool {
     let model = model.model();
     let p = &model.programs;
@@ -61,12 +61,12 @@ fn values(programs: &[&Program]) -> Vec<ExprId> {
     programs.iter().flat_map(|p| &p.nests).flat_map(|n| &n.stores).map(|s| s.value).collect()
 }
 
-/// Whether a value of a kind is read in some of these expressions.
+/// Returns `true` if a value of a kind is read in some of these expressions.
 fn reads_in(model: &Model, todo: Vec<ExprId>, wanted: Flavour) -> bool {
     any_expression(&model.exprs, todo, |expr| matches!(expr, Expr::Load { flavour, .. } if *flavour == wanted))
 }
 
-/// Whether something holds of some expression, or of one inside.
+/// Returns `true` if something holds of some expression, or of one inside.
 pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) -> bool) -> bool {
     let mut seen = HashSet::new();
     while let Some(e) = todo.pop() {

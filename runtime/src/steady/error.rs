@@ -1,4 +1,4 @@
-//! Why there is no steady state, in words.
+//! Reason why there is no steady state, in words.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use crate::catalogue::UnknownName;
 use crate::failure::{Short, unit_suffix};
 use crate::solver::SolveError;
 
-/// Why no steady state was found.
+/// Reason why no steady state was found.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum SteadyError {
     /// Neither Newton's method nor the process itself came to rest.
@@ -201,7 +201,7 @@ impl fmt::Display for Freedom {
 }
 
 impl Freedom {
-    /// Why nothing rests, and what would.
+    /// Reason why the point is not at rest, and the nearest one that is.
     fn without_rest(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (one, drifts) = (self.drifts.len() == 1, and(self.drifts.iter()));
         let (acted, word) = if one { ("it", "a state") } else { ("them", "states") };

@@ -150,7 +150,7 @@ impl Search {
         false
     }
 
-    /// Whether the free unknowns are inside of their bounds.
+    /// Returns `true` if the free unknowns are inside of their bounds.
     pub(super) fn is_inside(&self, y: &[f64]) -> bool {
         self.bounds.outside(&self.problem.free, y).is_none()
     }

@@ -19,7 +19,7 @@ const AT_REST: f64 = 1e-7;
 /// What is held in a problem, and what is found with the unknowns.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
-    /// Whether each place of `y` is held.
+    /// True if each place of `y` is held.
     pub fixed: &'a [bool],
     /// Numbers of the conditions that hold.
     pub conditions: &'a [usize],
@@ -188,7 +188,7 @@ impl Problem {
         self.conditions.iter().map(|c| c.1)
     }
 
-    /// Whether a right-hand side gives a solution so large that the matrix of the last factorisation may be singular.
+    /// Returns `true` if a right-hand side gives a solution so large that the matrix of the last factorisation may be singular.
     pub(super) fn looks_singular(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
         if self.factorise(system, y, 0.0).is_err() {
             return true;
@@ -285,7 +285,7 @@ impl Problem {
         self.solve(out);
     }
 
-    /// Whether the present rows ask for no correction that counts; the last factorisation is one near the point.
+    /// Returns `true` if the present rows ask for no correction that counts; the last factorisation is one near the point.
     pub(super) fn rests(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
         self.evaluate(system, y);
         let mut correction = vec![0.0; self.free.len()];
@@ -301,7 +301,7 @@ impl Problem {
         }
     }
 
-    /// Whether the reduced Jacobian has no pivots whatever its numbers are.
+    /// Returns `true` if the reduced Jacobian has no pivots whatever its numbers are.
     pub(super) fn is_singular(&self) -> bool {
         self.factorisation.is_none()
     }

@@ -248,7 +248,7 @@ impl RawTable {
         Ok(Inputs { steps: steps.len(), sequences: columns.iter().map(sequence).collect::<Result<_, _>>()?, split: None })
     }
 
-    /// Whether a column `step` says that the first row is the start.
+    /// Returns `true` if a column `step` says that the first row is the start.
     fn begins_with_start(&self, columns: &[usize]) -> Result<bool, DataError> {
         let count = self.column("step").filter(|count| !columns.contains(count));
         count.map_or(Ok(false), |count| Ok(self.number(0, count)? == 0.0))

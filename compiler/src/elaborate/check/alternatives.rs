@@ -157,7 +157,7 @@ impl Check<'_, '_> {
         found.into_iter().filter(|fault| !inner(fault)).map(|fault| told(fault, &body.asked)).collect()
     }
 
-    /// Whether a fault is a name that no other body declares.
+    /// Returns `true` if a fault is a name that no other body declares.
     fn is_unknown(&self, fault: &Diagnostic) -> bool {
         let name = fault.message.split('`').nth(1);
         fault.code == codes::UNKNOWN_NAME && name.is_some_and(|name| !self.declared.contains(name))

@@ -200,7 +200,7 @@ fn wrapped(derivative: Derivative, within: Bind) -> String {
     }
 }
 
-/// Whether one pair of parentheses is around all of a text.
+/// Returns `true` if one pair of parentheses is around all of a text.
 fn in_parentheses(text: &str) -> bool {
     let mut depth = 0_i32;
     let closes = text.char_indices().find_map(|(at, c)| {

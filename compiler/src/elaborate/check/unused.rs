@@ -119,7 +119,7 @@ fn check_connectors(l: &mut Lowering<'_, '_>) {
     }
 }
 
-/// Whether a component with a port of the connector declares what an index of it runs over.
+/// Returns `true` if a component with a port of the connector declares what an index of it runs over.
 fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> bool {
     let over = match &binder.over {
         BinderSet::Itself => &binder.name,
@@ -138,7 +138,7 @@ fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> 
     })
 }
 
-/// Whether a statement of a component is so, in whatever choice.
+/// Returns `true` if a statement of a component is so, in whatever choice.
 fn anywhere(body: &[Statement], is_so: &dyn Fn(&Statement) -> bool) -> bool {
     body.iter().any(|s| match &s.kind {
         StatementKind::When { body, .. } | StatementKind::Variant { body, .. } => anywhere(body, is_so),

@@ -185,7 +185,7 @@ fn contains_itself(between: &[&str], component: &Ident) -> Diagnostic {
         .help("a component has a fixed size: use an array of instances, `use Stage as s[k in 1..n]`, and connect them")
 }
 
-/// Whether an index of a statement runs over a name.
+/// Returns `true` if an index of a statement runs over a name.
 fn runs_over(statement: &Statement, name: &str) -> bool {
     let any = |binders: &[Binder]| {
         binders.iter().any(|b| match &b.over {

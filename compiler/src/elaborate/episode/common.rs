@@ -13,9 +13,9 @@ use crate::ir::{Affine, Builtin, Compare, ExprId, FastMap, Flavour, Place as Mem
 
 /// A condition that ends or costs something.
 pub(in crate::elaborate) struct Condition {
-    /// Whether it holds.
+    /// True if it holds.
     pub holds: ExprId,
-    /// Whether it is neither true nor false.
+    /// True if it is neither true nor false.
     pub unknown: ExprId,
     /// By how much, relative to a range.
     pub excess: ExprId,

@@ -121,7 +121,7 @@ pub fn block_entries(block: &str) -> impl Iterator<Item = (&'static str, Option<
 /// Counts that an entry takes.
 pub(in crate::elaborate) const COUNT_TEXT: &str = "a whole number from 1 to 4000000000";
 
-/// Whether a number is one of them.
+/// Returns `true` if a number is one of them.
 pub(in crate::elaborate) fn is_count(x: f64) -> bool {
     (1.0..=4e9).contains(&x) && x.fract() == 0.0
 }
@@ -129,7 +129,7 @@ pub(in crate::elaborate) fn is_count(x: f64) -> bool {
 /// Orders that the method has.
 pub(in crate::elaborate) const ORDER_TEXT: &str = "a whole number from 1 to 5";
 
-/// Whether a number is one of them.
+/// Returns `true` if a number is one of them.
 pub(in crate::elaborate) fn is_order(x: f64) -> bool {
     (1.0..=5.0).contains(&x) && x.fract() == 0.0
 }
@@ -139,7 +139,7 @@ pub(in crate::elaborate) fn setting_entry(name: &str) -> Option<&'static Entry> 
     ENTRIES.iter().find(|entry| entry.setting == Some(name))
 }
 
-/// Whether a setting is an entry of `episode` or `solver`.
+/// Returns `true` if a setting is an entry of `episode` or `solver`.
 pub fn is_entry_setting(name: &str) -> bool {
     setting_entry(name).is_some()
 }

@@ -488,7 +488,7 @@ fn reads(exprs: &Exprs, e: ExprId, var: VarId) -> Vec<Affine> {
     exprs.below([e]).filter_map(read).collect()
 }
 
-/// Whether the element `read` is the element `set`, or one that a later pass of the loops around sets.
+/// Returns `true` if the element `read` is the element `set`, or one that a later pass of the loops around sets.
 fn is_set_later(read: Affine, set: Affine, passes: &[i64]) -> bool {
     let ahead = read.offset - set.offset;
     if read.strides != set.strides {
@@ -503,7 +503,7 @@ fn is_set_later(read: Affine, set: Affine, passes: &[i64]) -> bool {
     }
 }
 
-/// Whether an expression names a variable or an element of one.
+/// Returns `true` if an expression names a variable or an element of one.
 fn is_place(e: &Expr) -> bool {
     match &e.kind {
         ExprKind::Name(_) => true,

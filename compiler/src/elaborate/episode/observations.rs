@@ -237,7 +237,7 @@ fn bound_name(l: &mut Lowering<'_, '_>, name: &Ident, place: &Place) -> String {
     }
 }
 
-/// Whether a name stands among the indices of a reference.
+/// Returns `true` if a name stands among the indices of a reference.
 fn indexes(e: &Expr, name: &str) -> bool {
     match &e.kind {
         ExprKind::Member(base, _) => indexes(base, name),

@@ -95,7 +95,7 @@ impl Writers {
         of.elements.iter().filter_map(alone).filter(|&j| Some(j) > within).chain(within).collect()
     }
 
-    /// Whether two nests write an element both.
+    /// Returns `true` if two nests write an element both.
     fn meet(&self, i: usize, j: usize) -> bool {
         let meets = |a: &Element, b: &Element| a.0 == b.0 && (a.1 == b.1 || !a.1.is_constant() || !b.1.is_constant());
         self.written[i].iter().any(|v| self.written[j].iter().any(|w| meets(v, w)))

@@ -203,7 +203,7 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
 }
 
 impl Symbols<'_> {
-    /// Whether a value changes within a step.
+    /// Returns `true` if a value changes within a step.
     fn is_dynamic(&self, exprs: &Exprs, e: ExprId) -> bool {
         exprs.below([e]).any(|e| match exprs.node(e) {
             Expr::Time => true,

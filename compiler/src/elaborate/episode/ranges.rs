@@ -19,7 +19,7 @@ impl<'a> Symbols<'a> {
         counted.collect()
     }
 
-    /// Whether every occurrence of a name is an index, on its own, along domains of equally many cells.
+    /// Returns `true` if every occurrence of a name is an index, on its own, along domains of equally many cells.
     fn only_cells(&self, e: &Expr, name: &str, place: &Place, domain: &mut Option<DomainId>) -> bool {
         match &e.kind {
             ExprKind::Name(n) => n.text != name,

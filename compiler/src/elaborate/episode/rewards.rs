@@ -119,7 +119,7 @@ fn check_limits(l: &mut Lowering<'_, '_>, name: &str, reward: ExprId, span: Span
     }
 }
 
-/// Whether a term of a sum is a limited difference, with a sign that pays.
+/// Returns `true` if a term of a sum is a limited difference, with a sign that pays.
 fn limits_one_side(l: &mut Lowering<'_, '_>, reward: ExprId) -> bool {
     let mut terms = vec![(reward, true)];
     while let Some((e, adds)) = terms.pop() {
@@ -137,7 +137,7 @@ fn limits_one_side(l: &mut Lowering<'_, '_>, reward: ExprId) -> bool {
     false
 }
 
-/// Whether one of two is a change over a step, and the other one does not change.
+/// Returns `true` if one of two is a change over a step, and the other one does not change.
 fn limits(l: &Lowering<'_, '_>, a: ExprId, b: ExprId) -> bool {
     let fixed = |e| instants(l, e) == (false, false);
     let change = |e| match l.exprs.node(e) {
@@ -150,7 +150,7 @@ fn limits(l: &Lowering<'_, '_>, a: ExprId, b: ExprId) -> bool {
     (fixed(a) && change(b)) || (change(a) && fixed(b))
 }
 
-/// Whether an expression reads present values of what changes, and values of the step before.
+/// Returns `true` if an expression reads present values of what changes, and values of the step before.
 fn instants(l: &Lowering<'_, '_>, e: ExprId) -> (bool, bool) {
     let mut found = (false, false);
     for e in l.exprs.below([e]) {

@@ -195,7 +195,7 @@ fn whole_number(
     within(l, name, e, place, |x| holds(nearest(x)), expected).map(|x| nearest(x) as u32)
 }
 
-/// Whether a condition of a setting is true.
+/// Returns `true` if a condition of a setting is true.
 fn holds(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> bool {
     let c = l.condition(e, place);
     matches!(l.exprs.node(c), crate::ir::Expr::Truth(true))

@@ -92,7 +92,7 @@ impl Doubting<'_, '_> {
         }
     }
 
-    /// Whether one of the passes of a loop gives more than 0.
+    /// Returns `true` if one of the passes of a loop gives more than 0.
     fn exists(&mut self, op: ReduceFn, depth: crate::ir::LoopVar, extent: u32, number: ExprId) -> ExprId {
         if self.exprs.as_const(number) == Some(0.0) {
             return self.exprs.truth(false);

@@ -106,9 +106,9 @@ pub(in crate::elaborate) enum Over {
     Mean,
     /// The integral over space.
     Integral,
-    /// Whether a condition holds for any.
+    /// True if a condition holds for any.
     Any,
-    /// Whether it holds for all.
+    /// True if it holds for all.
     All,
 }
 

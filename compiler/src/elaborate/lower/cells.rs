@@ -65,7 +65,7 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// Whether a loop of so many passes may stand here; reports where it may not.
+    /// Returns `true` if a loop of so many passes may stand here; reports where it may not.
     fn may_nest(&mut self, count: i64, span: Span, place: &Place) -> bool {
         if place.depth as usize >= MAX_DEPTH {
             self.ledger.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));
@@ -80,7 +80,7 @@ impl Lowering<'_, '_> {
         true
     }
 
-    /// Whether the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.
+    /// Returns `true` if the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.
     pub(in crate::elaborate) fn is_number(&mut self, cell: Cell, v: i64) -> Option<bool> {
         let Some(along) = cell.along else { return Some(cell.first == v) };
         let (lowest, highest) = cell.ends();

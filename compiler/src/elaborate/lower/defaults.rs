@@ -208,7 +208,7 @@ impl Naming<'_, '_> {
     }
 }
 
-/// Whether an expression uses one of the index names.
+/// Returns `true` if an expression uses one of the index names.
 pub(in crate::elaborate) fn mentions(e: &Expr, binders: &[Binder]) -> bool {
     binders.iter().any(|b| e.mentions(&b.name.text))
 }

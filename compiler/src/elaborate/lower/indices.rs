@@ -261,7 +261,7 @@ fn neighbour(
     Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
 }
 
-/// Whether the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
+/// Returns `true` if the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
 pub(in crate::elaborate) fn same_cells<'a>(l: &mut Lowering<'_, 'a>, a: DomainId, b: DomainId) -> bool {
     if a == b || l.symbols.domains[a].cells != l.symbols.domains[b].cells {
         return a == b;
@@ -410,7 +410,7 @@ impl<'a> Symbols<'a> {
 }
 
 impl Ledger {
-    /// Whether an index name that is not bound is met for the first time in the present statement.
+    /// Returns `true` if an index name that is not bound is met for the first time in the present statement.
     fn is_first_unbound(&mut self, name: &str) -> bool {
         self.reports.is_first_unbound(name, self.speculation.is_active())
     }

@@ -71,7 +71,7 @@ pub(in crate::elaborate) fn random(
     }
 }
 
-/// Whether a number without parameters is negative.
+/// Returns `true` if a number without parameters is negative.
 fn is_negative(l: &Lowering<'_, '_>, e: ExprId) -> bool {
     l.exprs.as_const(e).is_some_and(|x| x < 0.0)
 }

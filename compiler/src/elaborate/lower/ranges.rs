@@ -184,7 +184,7 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// Whether an index goes over the cells of a domain or over a range that may stay a loop.
+    /// Returns `true` if an index goes over the cells of a domain or over a range that may stay a loop.
     pub(in crate::elaborate) fn may_run(&self, axis: Axis) -> bool {
         match axis {
             Axis::Domain(_) => true,
@@ -193,7 +193,7 @@ impl<'a> Symbols<'a> {
     }
 }
 
-/// Whether `a op b`.
+/// Returns `true` if `a op b`.
 fn holds(op: BinaryOp, a: i64, b: i64) -> bool {
     match op {
         BinaryOp::Lt => a < b,

@@ -199,7 +199,7 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// Whether a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
+    /// Returns `true` if a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
     /// pass around it; unrolled, they are shared.
     fn repeats_sums(&self, term: &Term) -> bool {
         let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);

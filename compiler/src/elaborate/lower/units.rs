@@ -9,17 +9,17 @@ use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Measure;
 
-/// Whether the unit has no dimension (it may have a scale, as `%`).
+/// Returns `true` if the unit has no dimension (it may have a scale, as `%`).
 pub(crate) fn is_dimensionless(unit: &Unit) -> bool {
     unit.dimension().is_none()
 }
 
-/// Whether the unit is that of numbers.
+/// Returns `true` if the unit is that of numbers.
 pub(crate) fn is_plain_number(unit: &Unit) -> bool {
     unit.is_one()
 }
 
-/// Whether numbers in the unit are points on a temperature scale.
+/// Returns `true` if numbers in the unit are points on a temperature scale.
 pub(crate) fn is_point(unit: &Unit) -> bool {
     unit.is_point()
 }

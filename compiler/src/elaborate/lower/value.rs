@@ -46,7 +46,7 @@ impl Value {
         Value { expr, unit: Measure::Bare }
     }
 
-    /// Whether an error was already reported for it.
+    /// Returns `true` if an error was already reported for it.
     pub(crate) fn is_poison(&self) -> bool {
         matches!(self.unit, Measure::Poison)
     }
@@ -71,12 +71,12 @@ impl Measure {
         }
     }
 
-    /// Whether the value is a pure number or fits everywhere.
+    /// Returns `true` if the value is a pure number or fits everywhere.
     pub(crate) fn is_plain(&self) -> bool {
         matches!(self, Measure::Poison | Measure::Zero | Measure::Nothing | Measure::Bare)
     }
 
-    /// Whether the value fits every unit.
+    /// Returns `true` if the value fits every unit.
     pub(crate) fn is_zero(&self) -> bool {
         matches!(self, Measure::Zero | Measure::Nothing)
     }

@@ -114,7 +114,7 @@ impl<'a> Choices<'a> {
         out
     }
 
-    /// Whether something can be chosen so.
+    /// Returns `true` if something can be chosen so.
     fn check(&self, name: &str, option: &str) -> Result<(), Diagnostic> {
         if let Some(options) = self.options(name) {
             if options.iter().any(|o| o.text == option) {

@@ -26,17 +26,17 @@ impl Interval {
         Interval { low: x, high: x }
     }
 
-    /// Whether no number in it is negative.
+    /// Returns `true` if no number in it is negative.
     pub(crate) fn is_not_negative(self) -> bool {
         self.low >= 0.0
     }
 
-    /// Whether no number in it is positive.
+    /// Returns `true` if no number in it is positive.
     pub(crate) fn is_not_positive(self) -> bool {
         self.high <= 0.0
     }
 
-    /// Whether the sign is known.
+    /// Returns `true` if the sign is known.
     pub(crate) fn has_sign(self) -> bool {
         self.is_not_negative() || self.is_not_positive()
     }

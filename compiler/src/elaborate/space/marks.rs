@@ -155,7 +155,7 @@ impl Reading<'_, '_> {
         })
     }
 
-    /// Whether a variable may be what carries the others: of any sign, and by its unit a velocity or a flow.
+    /// Returns `true` if a variable may be what carries the others: of any sign, and by its unit a velocity or a flow.
     pub(in crate::elaborate::space) fn may_be_velocity(&self, node: ExprId) -> bool {
         let Node::Load { var, at, .. } = self.exprs.node(node) else { return false };
         if self.interval(node).is_not_negative() {
@@ -202,7 +202,7 @@ impl Reading<'_, '_> {
         found.then_some(others)
     }
 
-    /// Whether `what` is said of any node of an expression.
+    /// Returns `true` if `what` is said of any node of an expression.
     pub(in crate::elaborate::space) fn reaches(&self, e: ExprId, what: &mut dyn FnMut(&Self, ExprId) -> bool) -> bool {
         self.exprs.below([e]).any(|e| what(self, e))
     }
@@ -228,7 +228,7 @@ impl Reading<'_, '_> {
     }
 }
 
-/// Whether the unit has an odd power of the time, as those of velocities and flows.
+/// Returns `true` if the unit has an odd power of the time, as those of velocities and flows.
 pub(in crate::elaborate::space) fn is_odd(unit: &Unit) -> bool {
     unit.dimension().exponents()[TIME].numerator() % 2 != 0
 }

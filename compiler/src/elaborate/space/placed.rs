@@ -36,7 +36,7 @@ pub(in crate::elaborate::space) fn placed(l: &mut Lowering<'_, '_>, v: Value, fl
     Some(Value { expr, unit: v.unit })
 }
 
-/// Whether what depends on one face value alone rises from one side's value to the other's.
+/// Returns `true` if what depends on one face value alone rises from one side's value to the other's.
 fn mean_slope(l: &mut Lowering<'_, '_>, terms: &[Term], mark: usize, faces: &[FaceValue], (below, above): (ExprId, ExprId)) -> ExprId {
     let mut total = l.exprs.constant(0.0);
     for term in terms.iter().filter(|t| t.marks == Marks::One(mark)) {
@@ -144,7 +144,7 @@ fn variables(l: &Lowering<'_, '_>, velocities: &FastSet<ExprId>, faces: &[FaceVa
     l.exprs.below(nodes).filter_map(variable).collect()
 }
 
-/// Whether one of some variables stands in a text, or in what its names are defined by.
+/// Returns `true` if one of some variables stands in a text, or in what its names are defined by.
 fn is_multiple(l: &mut Lowering<'_, '_>, text: &Expr, place: &Place, of: &FastSet<VarId>) -> bool {
     let mut seen: FastSet<SymbolId> = FastSet::default();
     let mut stack = vec![(text, place.clone())];
@@ -211,12 +211,12 @@ fn carried_out(l: &mut Lowering<'_, '_>, flow: &Flow, faces: &[FaceValue], holds
     out
 }
 
-/// Whether a condition holds where its velocity is negative.
+/// Returns `true` if a condition holds where its velocity is negative.
 fn is_reverse(l: &Lowering<'_, '_>, holds: ExprId) -> bool {
     matches!(l.exprs.node(holds), Node::Compare(_, _, b) if l.exprs.as_const(b).is_some())
 }
 
-/// Whether a product has an odd number of negative signs and numbers in it.
+/// Returns `true` if a product has an odd number of negative signs and numbers in it.
 fn is_negative(l: &Lowering<'_, '_>, e: ExprId) -> bool {
     let (mut stack, mut negative) = (vec![e], false);
     while let Some(e) = stack.pop() {

@@ -97,7 +97,7 @@ fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<
 }
 
 impl<'a> Symbols<'a> {
-    /// Whether the scheme of a domain looks where the flow comes from.
+    /// Returns `true` if the scheme of a domain looks where the flow comes from.
     pub(in crate::elaborate) fn is_directed(&self, face: Face) -> bool {
         matches!(self.domains[face.domain].scheme, Scheme::Upwind | Scheme::Upwind2 | Scheme::Limited)
     }

@@ -138,7 +138,7 @@ impl<'a> Symbols<'a> {
         self.list.keys().filter_map(of)
     }
 
-    /// Whether the model has a parameter of that name.
+    /// Returns `true` if the model has a parameter of that name.
     pub(in crate::elaborate) fn parameters_named(&self, name: &str) -> bool {
         self.variables([Role::Param]).any(|(_, s)| self[s].path == name)
     }
