@@ -43,7 +43,7 @@ __all__ = [
     "register_envs",
 ]
 
-_LAZY = ("controllers", "datasets", "evaluation", "export", "optimize")
+_LAZY = ("controllers", "datasets", "deploy", "evaluation", "export", "jax", "optimize", "torch")
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -14,6 +14,8 @@ _PACKAGES = {
     "jax": ("JAX", "jax"),
     "matplotlib": ("Matplotlib", "matplotlib"),
     "minari": ("Minari", "minari h5py"),
+    "onnx": ("ONNX", "onnx"),
+    "onnxruntime": ("ONNX Runtime", "onnxruntime"),
     "optuna": ("Optuna", "optuna"),
     "ray": ("Ray", "ray"),
     "ray.rllib": ("RLlib", "'ray[rllib]' torch"),
@@ -21,6 +23,7 @@ _PACKAGES = {
     "scipy": ("SciPy", "scipy"),
     "sklearn": ("scikit-learn", "scikit-learn"),
     "stable_baselines3": ("Stable-Baselines3", "stable-baselines3"),
+    "torch": ("PyTorch", "torch"),
     "yaml": ("PyYAML", "pyyaml"),
 }
 
