@@ -41,7 +41,7 @@ impl Environment {
         let broken = self.setup.programs.has_start && self.broken_variable().is_some();
         let mut outcome = if broken { Outcome::Broken } else { self.integrate() };
         if outcome == Outcome::Solver && self.may_retry() {
-            outcome = self.retry(action);
+            outcome = self.retry();
         }
         match outcome {
             Outcome::Solver => {
@@ -68,7 +68,7 @@ impl Environment {
 
     /// Repeats the step from its start with the other implicit method. Where that fails too, the failure of the first one stands.
     #[cold]
-    fn retry(&mut self, action: &[f64]) -> Outcome {
+    fn retry(&mut self) -> Outcome {
         let first = self.progress.verdict.solver_failure;
         let Some(mut other) = self.spare.take().or_else(|| self.setup.other_integrator()) else { return Outcome::Solver };
         self.go_back();
@@ -77,7 +77,9 @@ impl Environment {
         self.collect_statistics();
         self.statistics.retries += 1;
         std::mem::swap(&mut self.integrator, &mut other);
-        self.prepare(action);
+        self.progress.event_time = None;
+        self.firings.clear();
+        self.enter();
         let outcome = self.integrate();
         self.collect_statistics();
         std::mem::swap(&mut self.integrator, &mut other);
@@ -100,6 +102,11 @@ impl Environment {
 
     pub(super) fn prepare(&mut self, action: &[f64]) {
         self.apply(action);
+        self.enter();
+    }
+
+    /// Disturbances and updates `at start`, at the state and with the action that have been applied.
+    fn enter(&mut self) {
         self.disturb(self.begin);
         let t0 = self.begin;
         let (model, memory) = self.system.parts();
