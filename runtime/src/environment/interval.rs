@@ -2,7 +2,7 @@
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
-use smpl_compiler::model::RootAction;
+use smpl_compiler::model::{RootAction, Solver};
 
 use super::{Environment, Firing};
 use crate::failure::{Cause, Chatter, SolverFailure};
@@ -62,7 +62,12 @@ impl Environment {
     /// Returns whether the other implicit method may take the step: the failure is one of a method, and the model takes both.
     fn may_retry(&self) -> bool {
         let cause = self.progress.verdict.solver_failure.map(|failure| failure.cause);
-        let of_method = matches!(cause, Some(Cause::NoConvergence | Cause::Singular | Cause::Inconsistent | Cause::Other(_)));
+        let of_method = match cause {
+            Some(Cause::NoConvergence | Cause::Singular | Cause::Inconsistent | Cause::Other(_)) => true,
+            // A smaller limit is one of the work that a step may take.
+            Some(Cause::TooManySteps) => self.setup.settings.max_steps >= Solver::default().max_steps,
+            _ => false,
+        };
         of_method && self.trace.is_none() && self.drifts.is_empty() && self.setup.other_method().is_some()
     }
 

@@ -12,6 +12,10 @@ pub(super) mod object;
 /// rate / (1 − rate) that is assumed after a new factorisation.
 const AFTER_SETUP: f64 = 20.0;
 
+/// Least rate / (1 − rate) of a first correction of algebraic unknowns that are not in the error test. A rate that was measured after a setup says nothing of a
+/// later solve with the same Jacobian, and no test sees what such a correction leaves: it would grow from step to step.
+const UNTESTED: f64 = 0.25;
+
 /// Data kept from one solve to the next.
 pub(crate) struct Newton {
     correction: Vector,
@@ -22,6 +26,8 @@ pub(crate) struct Newton {
     setup_cj: f64,
     /// rate / (1 − rate).
     rate_factor: f64,
+    /// The least of it for a first correction.
+    least_factor: f64,
     /// True if the factorisation belongs to the present step.
     current: bool,
     iterations: c_long,
@@ -36,10 +42,16 @@ impl Newton {
             cj: f64::NAN,
             setup_cj: f64::NAN,
             rate_factor: AFTER_SETUP,
+            least_factor: 0.0,
             current: false,
             iterations: 0,
             failures: 0,
         }
+    }
+
+    /// Converges algebraic unknowns further, which are not in the error test.
+    pub(super) fn with_untested_unknowns(self) -> Self {
+        Self { least_factor: UNTESTED, ..self }
     }
 
     /// The last correction of the last solve.

@@ -105,7 +105,9 @@ impl Shape {
 fn bridge(system: &dyn System, settings: &Settings, operations: Operations, context: &Context) -> Result<Bridge, SolveError> {
     let n = system.dimension();
     let factorisation = Factorisation::new(system.pattern(), settings.linear_solver)?;
+    let untested = system.differential().contains(&false) && !settings.tests_algebraic();
     let newton = Newton::new(n, operations, context);
+    let newton = if untested { newton.with_untested_unknowns() } else { newton };
     let watch = Watch::new(system.root_count(), system.root_kinds());
     let tolerances = Tolerances::new(settings.rtol, &settings.atol);
     let nonnegative = Nonnegative::new(system, settings);

@@ -186,7 +186,8 @@ impl Solve {
                 }
                 newton.rate_factor = rate / (1.0 - rate);
             }
-            if newton.rate_factor * size <= self.tolerance {
+            let factor = if iteration == 0 { newton.rate_factor.max(newton.least_factor) } else { newton.rate_factor };
+            if factor * size <= self.tolerance {
                 return 0;
             }
             if iteration + 1 < MAX_ITERATIONS {
