@@ -92,7 +92,7 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
     if texts.faults.more() > 0 {
         return Err(texts.faults);
     }
-    let elaborated = match elaborate::elaborate(&texts.files, &texts.imports, options) {
+    let elaborated = match elaborate::elaborate(&texts.files, (&texts.imports, &texts.data), options) {
         Ok(_) if !texts.faults.is_empty() => return Err(texts.faults),
         Ok(elaborated) => elaborated,
         Err(faults) => return Err(independent(sources, texts.faults, faults)),

@@ -47,6 +47,7 @@ use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::syntax::{self, Statement};
 
 use crate::model::{Alternatives, Interface, Model, Time};
+use crate::read::Data;
 use declare::declaring::{About, Declaring};
 use episode::Control;
 use ledger::Ledger;
@@ -77,17 +78,21 @@ pub struct Elaborated {
     pub warnings: Faults,
 }
 
-/// Elaborates the main file `files[0]`; `imports` tells which file a `use "path"` means.
+/// Elaborates the main file `files[0]`; `imports` are the files that `use "path"` means, `data` those of tables.
 ///
 /// # Errors
 /// All independent faults of the model.
-pub fn elaborate(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options) -> Result<Elaborated, Faults> {
-    let pass = Pass::over(files, imports, options, 0);
+pub fn elaborate(
+    files: &[syntax::File],
+    (imports, data): (&HashMap<String, usize>, &Data),
+    options: &Options,
+) -> Result<Elaborated, Faults> {
+    let pass = Pass::over(files, (imports, data), options, 0);
     let (chosen, mut spent) = (pass.chosen, pass.work);
     let mut elaborated = pass.result?;
     if options.lints {
         let mut faults_with = |options: &Options, reading: u32| {
-            let pass = Pass::over(files, imports, options, spent.saturating_add(reading));
+            let pass = Pass::over(files, (imports, data), options, spent.saturating_add(reading));
             spent = pass.work;
             (pass.result.err(), spent)
         };
@@ -110,14 +115,14 @@ struct Pass {
 
 impl Pass {
     /// Selects, declares and lowers; `spent` is the work that passes before took.
-    fn over(files: &[syntax::File], imports: &HashMap<String, usize>, options: &Options, spent: u32) -> Pass {
+    fn over(files: &[syntax::File], (imports, data): (&HashMap<String, usize>, &Data), options: &Options, spent: u32) -> Pass {
         let mut ledger = Ledger::default();
         ledger.budget.begin_at(spent);
         ledger.budget.cancelled = options.observer.as_ref().map(|observer| observer.cancelled.clone());
         let choices = Choices::of(files);
         let (selected, shown) = choices.select(files, options);
         ledger.reports.diagnostics.append(selected.faults);
-        let input = Input { files, imports, options, selection: selected.selection };
+        let input = Input { files, imports, data, options, selection: selected.selection };
 
         let mut declaring = Declaring::new(&input, ledger);
         declaring.work.constants.taken.extend(selected.settings);
@@ -180,8 +185,8 @@ fn sample_faults(input: &Input<'_>, unused: &[&Statement]) -> Vec<Diagnostic> {
         return Vec::new();
     }
     let options = Options::default();
-    let Input { files, imports, selection, .. } = input;
-    let input = Input { files, imports, options: &options, selection: selection.clone() };
+    let Input { files, imports, data, selection, .. } = input;
+    let input = Input { files, imports, data, options: &options, selection: selection.clone() };
     let mut declaring = Declaring::new(&input, Ledger::default());
     declaring.declare_samples(unused);
     let Declaring { symbols, instances, mut work, .. } = declaring;

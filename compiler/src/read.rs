@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use smpl_dsl::diagnostic::{Diagnostic, Faults, SourceMap, codes};
 use smpl_dsl::span::FileId;
 use smpl_dsl::stack::on_own_stack;
-use smpl_dsl::syntax::{File, Statement, StatementKind};
+use smpl_dsl::syntax::{File, Statement, StatementKind, TablePoints, TimeTable};
 
 /// Finds the text of a `use "path"`: its name for messages and its content. Refusing paths outside the model's folder and the library is
 /// the loader's duty.
@@ -22,9 +22,14 @@ pub struct Read {
     pub imports: HashMap<String, usize>,
     /// Where each file stands among the sources.
     pub ids: Vec<FileId>,
+    /// Files of data among the sources, by the paths of `table ... from "path"`.
+    pub data: Data,
     /// Faults of the texts.
     pub faults: Faults,
 }
+
+/// Files of data by the paths that name them: where each is among the sources, and its text.
+pub type Data = HashMap<String, (FileId, String)>;
 
 /// Reads the main file and what it imports into `sources`, without parsing more than that takes.
 pub fn read_sources(sources: &mut SourceMap, main: FileId, loader: &mut Loader) {
@@ -33,7 +38,7 @@ pub fn read_sources(sources: &mut SourceMap, main: FileId, loader: &mut Loader) 
 
 /// The main file and what it imports, each once. The statements of `extra` follow those of the main file as if they stood there.
 pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader: &mut Loader) -> Read {
-    let mut out = Read { files: Vec::new(), imports: HashMap::new(), ids: vec![main], faults: Faults::default() };
+    let mut out = Read { files: Vec::new(), imports: HashMap::new(), ids: vec![main], data: Data::new(), faults: Faults::default() };
     let mut at = 0;
     while let Some(&id) = out.ids.get(at) {
         let mut file = parsed(sources, id, &mut out.faults);
@@ -54,7 +59,32 @@ pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader
             }
         }
     }
+    // Data come last: files of the language are numbered from 0 on.
+    let mut paths = Vec::new();
+    out.files.iter().for_each(|file| data_of(&file.statements, &mut paths));
+    for path in paths {
+        if out.data.contains_key(&path) || out.ids.len() + out.data.len() >= MAX_FILES {
+            continue;
+        }
+        if let Some((name, text)) = loader(&path) {
+            let id = sources.add(name, text.clone());
+            out.data.insert(path, (id, text));
+        }
+    }
     out
+}
+
+/// Paths of the files of data that statements name.
+fn data_of(statements: &[Statement], out: &mut Vec<String>) {
+    for statement in statements {
+        match &statement.kind {
+            StatementKind::TimeTable(TimeTable { points: TablePoints::File { path, .. }, .. }) => out.push(path.clone()),
+            StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => {
+                data_of(body, out);
+            }
+            _ => {}
+        }
+    }
 }
 
 fn parsed(sources: &SourceMap, id: FileId, faults: &mut Faults) -> File {

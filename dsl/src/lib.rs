@@ -13,4 +13,4 @@ pub mod syntax;
 pub mod units;
 pub mod words;
 
-pub use parse::{Parsed, parse};
+pub use parse::{Parsed, parse, parse_unit};

@@ -24,7 +24,7 @@ use crate::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
 use crate::layout::{RawStatement, has_block, layout};
 use crate::span::{FileId, span};
 use crate::stack::SIZES;
-use crate::syntax::{File, Statement, StatementKind};
+use crate::syntax::{File, Statement, StatementKind, UnitExpr};
 use crate::words::keywords;
 
 /// Shorter texts are read sooner than a thread has started.
@@ -80,6 +80,15 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     diagnostics.append(rest.1);
     diagnostics.sort();
     Parsed { file: File { statements }, diagnostics }
+}
+
+/// The unit that a text such as `kJ/(kg K)` is, whose first byte is at `offset` of a file; `None` where it is not a unit.
+#[must_use]
+pub fn parse_unit(text: &str, file: FileId, offset: usize) -> Option<UnitExpr> {
+    let bracketed = format!("[{text}]");
+    let pair = Grammar::parse(Rule::unit_brackets, &bracketed).ok()?.next().filter(|pair| pair.as_str() == bracketed)?;
+    let context = Context { file, offset: offset.checked_sub(1)?, keyword: "table" };
+    unit::brackets(&context, pair).ok()
 }
 
 /// A fault ends its statement. Boxed, since it is rare and large.

@@ -300,7 +300,7 @@ pub enum TableCells {
     Sparse(Vec<(Ident, Expr)>),
 }
 
-/// A value over time.
+/// A value over time or another quantity, or over two of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TimeTable {
     /// Name, called as a function of time: `Fs_recipe(t)`.
@@ -309,12 +309,37 @@ pub struct TimeTable {
     pub unit: Option<UnitExpr>,
     /// Unit of the times.
     pub time_unit: UnitExpr,
+    /// Unit of the second argument of a table over two quantities.
+    pub second_unit: Option<UnitExpr>,
     /// Validity of values between the given times.
     pub kind: TimeTableKind,
-    /// Time and value.
-    pub entries: Vec<(Expr, Expr)>,
+    /// Word after `outside`: how the table is read outside of its points.
+    pub outside: Option<Ident>,
+    /// Points of the table.
+    pub points: TablePoints,
     /// Describing text.
     pub text: Option<String>,
+}
+
+/// Points of a table over quantities.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum TablePoints {
+    /// `{ 0: 0, 50: 0.2 }`: argument and value.
+    Entries(Vec<(Expr, Expr)>),
+    /// `{ columns: 1, 2 \n 0: 0, 10 }`: values of the second argument, then for each of the first one the values of the table.
+    Grid {
+        /// Values of the second argument.
+        columns: Vec<Expr>,
+        /// Values of the first argument and of the table.
+        rows: Vec<(Expr, Vec<Expr>)>,
+    },
+    /// `from "k.csv"`
+    File {
+        /// Path as written.
+        path: String,
+        /// Place of the path.
+        span: Span,
+    },
 }
 
 /// Interpolation of a time table.
@@ -322,10 +347,12 @@ pub struct TimeTable {
 pub enum TimeTableKind {
     /// `until`: a value holds up to and including its time.
     Until,
-    /// `from`: a value holds from its time on.
+    /// `from` or `step`: a value holds from its time on.
     From,
-    /// `linear`: linear between the points, constant outside.
+    /// `linear`: linear between the points.
     Linear,
+    /// `cubic`: monotone cubic polynomials (PCHIP); over two quantities bicubic ones.
+    Cubic,
 }
 
 /// `domain r in 0..r_p cells n_r scheme central geometry spherical`

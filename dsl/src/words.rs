@@ -98,7 +98,7 @@ pub fn is_reserved(word: &str) -> bool {
 }
 
 /// Words that mean something in one place only.
-const INSIDE: &[&str] = &["from", "linear", "bounds", "dt"];
+const INSIDE: &[&str] = &["from", "linear", "cubic", "outside", "bounds", "dt"];
 
 /// Returns `true` if the word has its own meaning somewhere in the language. A name may be one where it is not a reserved word, but a writer of
 /// texts does better without. What is built in is not among them.

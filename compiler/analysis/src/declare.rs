@@ -64,7 +64,8 @@ impl Declarer<'_> {
             }
             StatementKind::Table(table) => return self.table(table, within, at),
             StatementKind::TimeTable(table) => {
-                Symbol { unit: table.unit.clone(), ..named(&table.name, SymbolKind::TimeTable, &table.text) }
+                let arguments = ["x", "y"].iter().take(1 + usize::from(table.second_unit.is_some())).map(ToString::to_string).collect();
+                Symbol { unit: table.unit.clone(), arguments, ..named(&table.name, SymbolKind::TimeTable, &table.text) }
             }
             StatementKind::Def { name, parameters, body } => {
                 let arguments = parameters.iter().map(|p| p.text.clone()).collect();

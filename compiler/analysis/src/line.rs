@@ -314,7 +314,7 @@ fn clauses(keyword: &str) -> &'static [&'static str] {
         "domain" => &["cells", "scheme", "geometry", "stretch", "faces", "areas", "volumes"],
         "use" => &["as"],
         "reward" => &["default"],
-        "table" => &["over", "default", "until", "from", "linear"],
+        "table" => &["over", "default", "until", "from", "linear", "step", "cubic", "outside"],
         _ => &[],
     }
 }

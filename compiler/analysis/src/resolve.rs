@@ -3,7 +3,7 @@
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
     Binder, BinderSet, Clip, Declaration, Expect, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
-    TableCells, TestStep, UnitBase, UnitExpr,
+    TableCells, TablePoints, TestStep, UnitBase, UnitExpr,
 };
 use smpl_dsl::units::OwnUnits;
 
@@ -161,8 +161,15 @@ impl Resolver<'_> {
             }
             StatementKind::Table(table) => self.table(table),
             StatementKind::TimeTable(table) => {
-                table.unit.iter().chain([&table.time_unit]).for_each(|unit| self.unit(unit));
-                table.entries.iter().for_each(|(time, value)| self.exprs([time, value]));
+                table.unit.iter().chain([&table.time_unit]).chain(&table.second_unit).for_each(|unit| self.unit(unit));
+                match &table.points {
+                    TablePoints::Entries(entries) => entries.iter().for_each(|(time, value)| self.exprs([time, value])),
+                    TablePoints::Grid { columns, rows } => {
+                        self.exprs(columns);
+                        rows.iter().for_each(|(first, cells)| self.exprs(std::iter::once(first).chain(cells)));
+                    }
+                    TablePoints::File { .. } => {}
+                }
             }
             StatementKind::Def { parameters, body, .. } => {
                 parameters.iter().for_each(|p| self.local(p, SymbolKind::Argument, None));

@@ -46,8 +46,10 @@ fn of_symbol(program: &Program, id: crate::symbols::SymbolId, statement: &str, a
             return Some(Signature { label, text: "function of the model".into(), arguments: symbol.arguments.clone(), active });
         }
         SymbolKind::TimeTable => {
-            let label = format!("{}(t)", symbol.name);
-            return Some(Signature { label, text: symbol.text.clone().unwrap_or_default(), arguments: vec!["t".into()], active: 0 });
+            let arguments = if symbol.arguments.len() > 1 { symbol.arguments.clone() } else { vec!["t".into()] };
+            let label = format!("{}({})", symbol.name, arguments.join(", "));
+            let text = symbol.text.clone().unwrap_or_default();
+            return Some(Signature { label, text, active: active.min(arguments.len() - 1), arguments });
         }
         SymbolKind::Component => id,
         SymbolKind::Instance if statement == "use" => program.symbols().scope_of(id)?,

@@ -1,9 +1,12 @@
 //! Declarations: variants, imports, sets, tables, variables, components.
 
 mod checks;
+mod data;
 mod declarations;
 pub(in crate::elaborate) mod declaring;
+mod functions_of_quantities;
 mod instances;
+pub(in crate::elaborate) mod interpolation;
 mod phases;
 mod tables;
 

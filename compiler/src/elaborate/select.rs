@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use smpl_dsl::syntax;
 
 use crate::elaborate::options::Options;
+use crate::read::Data;
 use items::Selection;
 
 /// What is elaborated.
@@ -17,6 +18,8 @@ pub(in crate::elaborate) struct Input<'a> {
     pub files: &'a [syntax::File],
     /// Which file a `use "path"` means.
     pub imports: &'a HashMap<String, usize>,
+    /// Files of data by their paths.
+    pub data: &'a Data,
     /// What is asked for beside the text.
     pub options: &'a Options,
     /// Variants and choices in force.

@@ -2,6 +2,7 @@
 
 use super::budget::Budget;
 use super::expansions::{Expansion, Expansions};
+use super::lower::reads::Reads;
 use super::reports::{Mark, Reports};
 
 /// Most passes of all loops over ranges together: more are refused, since nobody would wait for an evaluation, and to write them out takes
@@ -23,6 +24,8 @@ pub(in crate::elaborate) struct Speculation {
     refused: bool,
     /// Expansions made since the outermost attempt began.
     remembered: Vec<Expansion>,
+    /// Reads of tables that are refused outside of their points.
+    pub reads: Reads,
 }
 
 /// What an attempt may change.
@@ -32,6 +35,7 @@ pub(in crate::elaborate) struct Trace {
     written_out: u32,
     passes: i64,
     remembered: usize,
+    reads: usize,
     refused: bool,
 }
 
@@ -59,6 +63,7 @@ impl Speculation {
             written_out: budget.written_out(),
             passes: self.passes,
             remembered: self.remembered.len(),
+            reads: self.reads.list.len(),
             refused: self.refused,
         }
     }
@@ -112,6 +117,7 @@ impl Speculation {
         budget.roll_back(to.written_out);
         self.passes = to.passes;
         self.refused = to.refused;
+        self.reads.list.truncate(to.reads);
         for key in self.remembered.drain(to.remembered..) {
             expansions.forget(&key);
         }

@@ -65,8 +65,10 @@ pub(super) enum SymbolKind<'a> {
     Let { axes: Rc<[Axis]>, binders: Rc<[String]>, unit: Option<Unit>, definition: &'a Expr, random: bool, declaration: &'a Declaration },
     /// Numbers over sets.
     Table { axes: Rc<[Axis]>, unit: Unit, values: Rc<[f64]> },
-    /// A function of time.
-    TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, points: Rc<[(f64, f64)]> },
+    /// A function of time or another quantity.
+    TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, outside: Outside, points: Rc<[(f64, f64)]> },
+    /// A function of two quantities.
+    Surface { unit: Unit, units: Rc<[Unit; 2]>, cubic: bool, outside: Outside, grid: Rc<Grid> },
     /// A function.
     Def { parameters: &'a [Ident], body: &'a Expr },
     /// An index set.
@@ -89,6 +91,29 @@ pub(super) enum SymbolKind<'a> {
     Time,
     /// Something whose declaration is at fault; its uses are not reported.
     Faulty,
+}
+
+/// How a table is read outside of its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Outside {
+    /// As at the nearest point.
+    #[default]
+    Constant,
+    /// By a line from the nearest point on.
+    Linear,
+    /// The episode fails there.
+    Refused,
+}
+
+/// Values over a rectangle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Grid {
+    /// Values of the first argument.
+    pub first: Vec<f64>,
+    /// Values of the second argument.
+    pub second: Vec<f64>,
+    /// Values of the table, the second argument fastest.
+    pub values: Vec<f64>,
 }
 
 /// Instances in a row, by the labels of their index.

@@ -3,7 +3,9 @@
 use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
-use crate::syntax::{Ident, SetMembers, StatementKind, Table, TableCells, TableColumn, TableRow, TimeTable, TimeTableKind};
+use crate::syntax::{
+    Ident, SetMembers, StatementKind, Table, TableCells, TableColumn, TablePoints, TableRow, TimeTable, TimeTableKind, UnitExpr,
+};
 
 /// `set species = { a, b }`, `set class = 1..9`
 pub(super) fn set(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -106,17 +108,63 @@ fn time_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Falli
     let mut children = Children::new(pair);
     let unit = unit::declared(context, &mut children)?;
     children.skip(Rule::kw_over);
-    children.skip(Rule::name);
-    children.skip(Rule::colon);
-    let time_unit = unit::unit(context, children.expect(context, Rule::unit)?)?;
+    let time_unit = argument_unit(context, children.expect(context, Rule::table_argument)?)?;
+    let second_unit = children.take(Rule::table_argument).map(|pair| argument_unit(context, pair)).transpose()?;
+    if let Some(file) = children.take(Rule::table_file) {
+        let mut children = Children::new(file);
+        children.skip(Rule::kw_from);
+        let path = children.expect(context, Rule::text)?;
+        let points = TablePoints::File { path: Context::text(&path), span: context.span(&path) };
+        let (kind, outside) = reading(context, &mut children)?;
+        return Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None });
+    }
+    let (kind, outside) = reading(context, &mut children)?;
+    let points = points(context, children.expect(context, Rule::table_points)?)?;
+    Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None })
+}
+
+/// `linear outside refused`
+fn reading(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<(TimeTableKind, Option<Ident>)> {
     let kind = match children.expect(context, Rule::time_kind)?.as_str() {
         "until" => TimeTableKind::Until,
-        "from" => TimeTableKind::From,
+        "from" | "step" => TimeTableKind::From,
+        "cubic" => TimeTableKind::Cubic,
         _ => TimeTableKind::Linear,
     };
-    let entries = children.pairs.filter(|part| part.as_rule() == Rule::time_entry);
-    let entries = entries.map(|part| time_entry(context, part)).collect::<Fallible<Vec<_>>>()?;
-    Ok(TimeTable { name, unit, time_unit, kind, entries, text: None })
+    let Some(outside) = children.take(Rule::table_outside) else { return Ok((kind, None)) };
+    let mut outside = Children::new(outside);
+    outside.skip(Rule::kw_outside);
+    Ok((kind, Some(outside.name(context)?)))
+}
+
+/// `T : degC`
+fn argument_unit(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<UnitExpr> {
+    let mut children = Children::new(pair);
+    children.skip(Rule::name);
+    children.skip(Rule::colon);
+    unit::unit(context, children.expect(context, Rule::unit)?)
+}
+
+/// The points between the braces.
+fn points(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TablePoints> {
+    let mut children = Children::new(pair);
+    children.skip(Rule::open);
+    let Some(head) = children.take(Rule::grid_columns) else {
+        let entries = children.pairs.filter(|part| part.as_rule() == Rule::time_entry);
+        return Ok(TablePoints::Entries(entries.map(|part| time_entry(context, part)).collect::<Fallible<_>>()?));
+    };
+    let exprs = |pair: Pair<'_, Rule>| {
+        let parts = pair.into_inner().filter(|part| part.as_rule() == Rule::expr);
+        parts.map(|part| expression::expr(context, part)).collect::<Fallible<Vec<_>>>()
+    };
+    let columns = exprs(head)?;
+    let mut rows = Vec::new();
+    for row in children.pairs.filter(|part| part.as_rule() == Rule::grid_row) {
+        let mut cells = exprs(row)?;
+        let values = cells.split_off(1);
+        rows.extend(cells.pop().map(|first| (first, values)));
+    }
+    Ok(TablePoints::Grid { columns, rows })
 }
 
 fn time_entry(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(crate::syntax::Expr, crate::syntax::Expr)> {

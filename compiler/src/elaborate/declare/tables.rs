@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, Ident, Table, TableCells, TimeTable};
+use smpl_dsl::syntax::{Expr, Ident, Table, TableCells};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::Declaring;
@@ -104,7 +104,7 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    fn table_number(&mut self, e: &Expr, what: &str, unit: Option<&Unit>, place: &Place) -> Option<f64> {
+    pub(super) fn table_number(&mut self, e: &Expr, what: &str, unit: Option<&Unit>, place: &Place) -> Option<f64> {
         let one = Unit::one();
         let expr = self.lowering().number_in(e, unit.unwrap_or(&one), what, Span::default(), place);
         let reports = self.work.ledger.reports.diagnostics.len();
@@ -113,38 +113,6 @@ impl<'a> Declaring<'_, 'a> {
             self.work.ledger.missing_value("an entry of a table", e.span);
         }
         value.filter(|v| !v.is_nan())
-    }
-
-    pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
-        let place = Place::new(scope, Site::Dynamics);
-        let unit = match &table.unit {
-            Some(u) => units::unit(&mut self.lowering(), u, &place).unwrap_or_else(Unit::one),
-            None => Unit::one(),
-        };
-        let time_unit = units::unit(&mut self.lowering(), &table.time_unit, &place).unwrap_or_else(Unit::one);
-        let mut points = Vec::with_capacity(table.entries.len());
-        for (time, value) in &table.entries {
-            let t = self.table_number(time, "the point of an entry", Some(&time_unit), &place);
-            let v = self.table_number(value, "the table's entry", Some(&unit), &place);
-            if let (Some(t), Some(v)) = (t, v) {
-                for (x, e) in [(t, time), (v, value)].into_iter().filter(|(x, _)| !x.is_finite()) {
-                    let message = format!("times and values of a table over time are finite, this is {x}");
-                    self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, e.span));
-                }
-                if points.last().is_some_and(|&(before, _): &(f64, f64)| before >= t) {
-                    self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, "times of a table must increase", time.span));
-                }
-                points.push((t, v));
-            }
-        }
-        if points.is_empty() {
-            self.work.ledger.report(Diagnostic::error(
-                codes::EMPTY_SET,
-                format!("the table `{}` is empty", table.name.text),
-                table.name.span,
-            ));
-        }
-        self.declare(scope, &table.name, SymbolKind::TimeTable { unit, time_unit, kind: table.kind, points: points.into() });
     }
 }
 

@@ -6,7 +6,7 @@ use smpl_dsl::syntax::{Expr, Ident, Statement, StatementKind};
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::boxes::failing;
 use crate::elaborate::episode::common::{Condition, each, flag, store};
-use crate::elaborate::episode::instants::root_of;
+use crate::elaborate::episode::instants::{moving_clock, root_of};
 use crate::elaborate::episode::observations::observations;
 use crate::elaborate::episode::rewards::rewards;
 use crate::elaborate::episode::unknown::doubting;
@@ -16,8 +16,8 @@ use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::outcome::Outcome;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::select::items::Item;
-use crate::elaborate::symbols::ScopeId;
-use crate::ir::{Affine, Builtin, ExprId, Place as Memory, Program};
+use crate::elaborate::symbols::{ScopeId, SymbolId};
+use crate::ir::{Affine, BinaryFn, Builtin, Compare, ExprId, Place as Memory, Program};
 use crate::model::{Episode, Failure, Finish, Root, RootAction};
 
 /// Failures that every model has.
@@ -101,7 +101,36 @@ fn declared_ends<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>
             _ => {}
         }
     }
+    refused_tables(l, count, &mut ends);
     ends
+}
+
+/// A failure for each table that is read outside of its points although that is refused.
+fn refused_tables(l: &mut Lowering<'_, '_>, mut count: usize, ends: &mut Ends<'_>) {
+    let reads = std::mem::take(&mut l.ledger.speculation.reads.list);
+    l.ledger.speculation.reads.closed = true;
+    let mut tables: Vec<SymbolId> = Vec::new();
+    for (table, _) in &reads {
+        if !tables.contains(table) {
+            tables.push(*table);
+        }
+    }
+    for table in tables {
+        let name = l.symbols[table].path.clone();
+        let zero = l.exprs.constant(0.0);
+        let mut largest = zero;
+        for &(_, excess) in reads.iter().filter(|(symbol, _)| *symbol == table) {
+            largest = l.exprs.binary(BinaryFn::Max, largest, excess);
+            let value = moving_clock(l, excess);
+            ends.roots.push(Root { name: name.clone(), value, strict: true, action: RootAction::Fail(count as u32) });
+        }
+        let holds = l.exprs.compare(Compare::Lt, zero, largest);
+        let unknown = doubting(l).unknown(holds);
+        let condition = Condition { holds, unknown, excess: largest, items: Vec::new() };
+        let text = format!("the table `{name}` is read outside of its points");
+        ends.failures.push((count, condition, Failure { name, text, event: true, items: Vec::new(), on_reward: false }));
+        count += 1;
+    }
 }
 
 fn refuse_reserved(l: &mut Lowering<'_, '_>, name: &Ident) {

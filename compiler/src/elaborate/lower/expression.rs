@@ -295,6 +295,10 @@ fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, s
             let message = format!("`{path}` is a table over {}, which takes an argument", units::describe(time_unit));
             Diagnostic::error(codes::WRONG_KIND, message, span).help(format!("write `{path}({argument})`"))
         }
+        SymbolKind::Surface { units, .. } => {
+            let message = format!("`{path}` is a table over two quantities, in {} and {}, which takes two arguments", units[0], units[1]);
+            Diagnostic::error(codes::WRONG_KIND, message, span).help(format!("write `{path}(x, y)`"))
+        }
         _ => {
             let what = match kind {
                 SymbolKind::Def { .. } => "a function; call it with arguments",

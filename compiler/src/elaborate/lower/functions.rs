@@ -10,7 +10,7 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, boxes, operators, random_and_tables, units};
+use crate::elaborate::lower::{Lowering, boxes, interpolation, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
@@ -21,6 +21,8 @@ pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function:
         match l.symbols[symbol].kind.clone() {
             SymbolKind::Def { parameters, body } => return expand_def(l, span, symbol, parameters, body, arguments, place),
             SymbolKind::TimeTable { .. } => return random_and_tables::time_table(l, span, symbol, arguments, place),
+            SymbolKind::Surface { .. } => return interpolation::surface(l, span, symbol, arguments, place),
+            SymbolKind::Faulty => return l.poison(),
             _ => {}
         }
     }

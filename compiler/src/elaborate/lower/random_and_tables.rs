@@ -3,13 +3,14 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
+use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::builtins::Distribution;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, operators};
-use crate::elaborate::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::lower::{Lowering, interpolation, operators, reads};
+use crate::elaborate::symbols::{Outside, SymbolId, SymbolKind};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, Side, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
 
@@ -93,26 +94,39 @@ fn draw(l: &mut Lowering<'_, '_>, stream: &str, kind: Variate, instant: Instant,
     l.exprs.load(l.hidden.draws.var, Flavour::Value, at)
 }
 
-/// A table over time at a given time.
+/// A table over time or another quantity, read at an expression.
 pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, symbol: SymbolId, arguments: &[Expr], place: &Place) -> Value {
     let path = l.symbols[symbol].path.clone();
     let [argument] = arguments else {
         return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span));
     };
-    let SymbolKind::TimeTable { unit, time_unit, kind, points } = l.symbols[symbol].kind.clone() else {
+    let SymbolKind::TimeTable { unit, time_unit, kind, outside, points } = l.symbols[symbol].kind.clone() else {
         return l.poison();
     };
-    let declared = l.symbols[symbol].span;
-    // A number is taken in the table's unit; a dimensionless quantity is no time.
-    let what = format!("the time of `{path}`");
-    let taken = &mut |s: &mut Lowering<'_, '_>, v: Value, span: Span| s.values().strictly_or_bare(v, &time_unit, span, &what, declared);
-    let t = l.declared_value(argument, place, taken, &time_unit);
-    let t = l.values().strictly_or_bare(t, &time_unit, argument.span, &what, declared);
-    let expr = match kind {
-        TimeTableKind::Linear => l.values().linear_table(t, &points),
+    let t = table_argument(l, argument, &time_unit, symbol, place);
+    let expr = match (kind, outside) {
+        (TimeTableKind::Linear, Outside::Constant | Outside::Refused) => l.values().linear_table(t, &points),
+        (TimeTableKind::Linear | TimeTableKind::Cubic, _) => {
+            interpolation::curve(l.exprs, t, &points, kind == TimeTableKind::Cubic, outside)
+        }
         _ => l.values().step_table(t, &points, kind == TimeTableKind::Until),
     };
+    let ends = points.first().zip(points.last()).map(|(first, last)| (first.0, last.0));
+    let expr = match ends.filter(|_| outside == Outside::Refused) {
+        Some(ends) => reads::refused(l, symbol, &[(t, ends)], expr, place),
+        None => expr,
+    };
     Value::of(expr, unit)
+}
+
+/// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless quantity is no time.
+pub(in crate::elaborate) fn table_argument(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, symbol: SymbolId, place: &Place) -> ExprId {
+    let (declared, path) = (l.symbols[symbol].span, l.symbols[symbol].path.clone());
+    let word = if matches!(l.symbols[symbol].kind, SymbolKind::Surface { .. }) { "argument" } else { "time" };
+    let what = format!("the {word} of `{path}`");
+    let taken = &mut |s: &mut Lowering<'_, '_>, v: Value, span: Span| s.values().strictly_or_bare(v, unit, span, &what, declared);
+    let t = l.declared_value(e, place, taken, unit);
+    l.values().strictly_or_bare(t, unit, e.span, &what, declared)
 }
 
 impl Values<'_> {

@@ -2,8 +2,8 @@
 
 use smpl_dsl::latex;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Domain, Expr, Ident, Role, SetMembers, Statement, StatementKind, Table, TableCells, TableRow,
-    TimeTable, TimeTableKind,
+    Binder, BinderSet, Clip, Declaration, Domain, Expr, Ident, Role, SetMembers, Statement, StatementKind, Table, TableCells, TablePoints,
+    TableRow, TimeTable, TimeTableKind,
 };
 
 use super::equations;
@@ -178,10 +178,22 @@ impl<'s> Writer<'s> {
             TimeTableKind::Until => "until",
             TimeTableKind::From => "from",
             TimeTableKind::Linear => "at",
+            TimeTableKind::Cubic => "cubic, at",
         };
-        let entries: Vec<String> = table.entries.iter().map(|(at, value)| format!("{}: {}", self.inline(at), self.inline(value))).collect();
+        let list = |list: &[Expr]| list.iter().map(|e| self.inline(e)).collect::<Vec<_>>().join(", ");
+        let entries = match &table.points {
+            TablePoints::Entries(entries) => {
+                entries.iter().map(|(at, value)| format!("{}: {}", self.inline(at), self.inline(value))).collect::<Vec<_>>().join(", ")
+            }
+            TablePoints::Grid { columns, rows } => {
+                let rows: Vec<String> = rows.iter().map(|(first, cells)| format!("{}: {}", self.inline(first), list(cells))).collect();
+                format!("columns ({}) {}; {}", self.unit(table.second_unit.as_ref()), list(columns), rows.join("; "))
+            }
+            TablePoints::File { path, .. } => format!("the points of {}", code(path)),
+        };
+        let outside = table.outside.as_ref().map(|word| format!("; {} outside", word.text)).unwrap_or_default();
         let text = prose(table.text.as_deref().unwrap_or(""));
-        let values = format!("{word} ({unit}) {}", entries.join(", "));
+        let values = format!("{word} ({unit}) {entries}{outside}");
         self.row(TIME_TABLES, vec![code(&table.name.text), self.unit(table.unit.as_ref()), values, text]);
     }
 
