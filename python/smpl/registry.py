@@ -38,6 +38,14 @@ GALLERY = {
     "Biofilm": "biofilm",
     "Polymerisation": "polymerisation",
     "PotassiumSulfate": "potassium_sulfate",
+    "Bioreactor": "bioreactor",
+    "MMA": "mma",
+    "Crystalliser": "crystalliser",
+    "BoilerDrum": "boiler_drum",
+    "GlucoseInsulin": "glucose_insulin",
+    "BakersYeast": "bakers_yeast",
+    "LithiumIon": "lithium_ion",
+    "XyleneBed": "xylene_bed",
 }
 
 

@@ -35,12 +35,15 @@ def difference(
     step: float,
     *,
     method: str = "LSODA",
+    rtol: float = 1e-11,
     disturbances: Mapping[str, float] | None = None,
     discrete: Mapping[str, float] | None = None,
+    **options: npt.ArrayLike,
 ) -> float:
     """Largest difference of a trajectory from that of SciPy, relative to the largest value of each state.
 
-    `right_side(x, u)` has the states in the order and the units of the model, and its unit of time.
+    `right_side(x, u)` has the states in the order and the units of the model, and its unit of time. `options` are those
+    of the method.
     """
     run = model.rollout(start, actions, disturbances=disturbances, discrete=discrete)
     assert not run.failure[0], run.failure[0]
@@ -49,7 +52,13 @@ def difference(
     scale = np.maximum(np.abs(found).max(axis=0), 1e-12)
     for action in actions:
         result = solve_ivp(
-            lambda _, x, u=action: right_side(x, u), (0.0, step), expected[-1], method, rtol=1e-11, atol=1e-12 * scale
+            lambda _, x, u=action: right_side(x, u),
+            (0.0, step),
+            expected[-1],
+            method,
+            rtol=rtol,
+            atol=0.1 * rtol * scale,
+            **options,
         )
         assert result.success, result.message
         expected.append(result.y[:, -1])

@@ -1,6 +1,7 @@
 """Systems of pc-gym in the gallery, against closed forms, balances and SciPy.
 
-Right-hand sides are written from the balances with the parameters of pc-gym 0.1.8. The variant `pcgym` repeats the sign of a heat of reaction.
+Right-hand sides are written from the balances with the parameters of pc-gym 0.1.8. The variant
+`pcgym` repeats the sign of a heat of reaction.
 """
 
 import numpy as np
@@ -16,8 +17,8 @@ def outputs(name, **options):
     action = np.array(model.native.defaults("action"))
     run = model.rollout(rest(model), [action], outputs=True)
     values = [
-        *zip(model.state_names, run.states[0, 0], strict=False),
-        *zip(model.algebraic_names, run.outputs[0, 0], strict=False),
+        *zip(model.state_names, run.states[0, 0], strict=True),
+        *zip(model.algebraic_names, run.outputs[0, 0], strict=True),
     ]
     return model, action, dict(values)
 
@@ -124,26 +125,26 @@ def heat_exchanger(x, u):
 
 
 def biofilm(x, u):
-    S1, S2, S3, O = x.reshape(4, 4)
+    S1, S2, S3, oxygen = x.reshape(4, 4)
     recycle, F = u
-    r1 = 0.8 * S1[:3] / (0.5 + S1[:3]) * O[:3] / (1.5 + O[:3])
-    r2 = S2[:3] / (0.1 + S2[:3]) * O[:3] / (0.5 + O[:3])
+    r1 = 0.8 * S1[:3] / (0.5 + S1[:3]) * oxygen[:3] / (1.5 + oxygen[:3])
+    r2 = S2[:3] / (0.1 + S2[:3]) * oxygen[:3] / (0.5 + oxygen[:3])
     made = np.array([-r1, r1 - r2, r2, -3.5 * r1 - 1.1 * r2])
     d = np.empty((4, 4))
-    for row, c in enumerate((S1, S2, S3, O)):
+    for row, c in enumerate((S1, S2, S3, oxygen)):
         d[row, :3] = recycle / 10 * (np.r_[c[3], c[:2]] - c[:3]) + made[row]
         d[row, 3] = recycle / 15 * (c[2] - c[3])
     d[:3, 3] += F / 15 * (np.array([10, 0, 0]) - np.array([S1[3], S2[3], S3[3]]))
-    d[3, 3] += 1.5 * (600 - O[3])
+    d[3, 3] += 1.5 * (600 - oxygen[3])
     return d.ravel()
 
 
 def polymerisation(x, u):
-    T, M, I = x
+    T, M, initiator = x
     F = u[0] / 1000
     kp, kd, kt = np.array([6e10, 4e10, 9e10]) * np.exp(-np.array([7750, 8500, 8250]) / T)
-    rate = kp * M * np.sqrt(0.5 * kd * I / kt)
-    return np.array([F * (u[1] - T) + 3e4 / 2400 * rate, F * (10 - M) - rate, F * (1e-3 - I) - kd * I])
+    rate = kp * M * np.sqrt(0.5 * kd * initiator / kt)
+    return np.array([F * (u[1] - T) + 3e4 / 2400 * rate, F * (10 - M) - rate, F * (1e-3 - initiator) - kd * initiator])
 
 
 def potassium_sulfate(x, u):

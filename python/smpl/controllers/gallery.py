@@ -107,6 +107,38 @@ def _polymerisation() -> Loops:
     return Loops(PID("T", "T_f", 0.5, 60), PID("M", "F", 3, 60))
 
 
+def _bioreactor() -> Loops:
+    return Loops(PID("e", "D", 0.02, 10, set_point=0))
+
+
+def _mma() -> Loops:
+    return Loops(PID("e", "F_I", 7e-7, 0.1, set_point=0))
+
+
+def _crystalliser() -> Loops:
+    return Loops(PID("y", "u", 2, 10))
+
+
+def _boiler_drum() -> Loops:
+    return Loops(
+        PID("P", "u_1", 0.02, 100, set_point=108),
+        PID("e", "u_2", -0.005, 20, set_point=0),
+        PID("L", "u_3", 0.3, 200, set_point=0),
+    )
+
+
+def _glucose_insulin() -> Loops:
+    return Loops(PID("G", "U", -0.5, 200, 30, set_point=4.5))
+
+
+def _lithium_ion() -> Loops:
+    return Loops(PID("soc", "I", -20, set_point=0.9))
+
+
+def _xylene_bed() -> Loops:
+    return Loops(PID("T_hot", "T_w", 0.1, 200, set_point=678))
+
+
 LOOPS: dict[str, Callable[[], Loops]] = {
     "tennessee_eastman": _tennessee_eastman,
     "bsm1": _bsm1,
@@ -127,7 +159,14 @@ LOOPS: dict[str, Callable[[], Loops]] = {
     "heat_exchanger": _heat_exchanger,
     "biofilm": _biofilm,
     "polymerisation": _polymerisation,
+    "bioreactor": _bioreactor,
+    "mma": _mma,
+    "crystalliser": _crystalliser,
+    "boiler_drum": _boiler_drum,
+    "glucose_insulin": _glucose_insulin,
+    "lithium_ion": _lithium_ion,
+    "xylene_bed": _xylene_bed,
 }
 
 # Batches, which declare a policy `recipe`.
-RECIPES = ("potassium_sulfate",)
+RECIPES = ("potassium_sulfate", "bakers_yeast")
