@@ -9,7 +9,8 @@ model BSM1 "Benchmark Simulation Model no. 1: five activated-sludge tanks, a ten
 # are their set-points. Flow and composition of the influent are disturbances: random by default, recorded data replace them.
 #
 # Checked: the published open-loop steady state (tank 5: S_I 30.0, S_S 0.889, X_I 1149, X_S 49.3, X_BH 2559, X_BA 150, X_P 452,
-# S_O 0.491, S_NO 10.4, S_NH 1.73, S_ND 0.688, X_ND 3.53 g/m3, S_ALK 4.13 mol/m3; effluent solids 12.5, underflow 6394 g/m3).
+# S_O 0.491, S_NO 10.4, S_NH 1.73, S_ND 0.688, X_ND 3.53 g/m3, S_ALK 4.13 mol/m3; effluent solids 12.5, underflow 6394 g/m3);
+# rates of a plant written in NumPy.
 
 time t : d
 

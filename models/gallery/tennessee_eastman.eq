@@ -11,7 +11,8 @@ model TennesseeEastman "Tennessee Eastman process: reactor, condenser, separator
 #
 # Checked: at the base point the reactor is at 2705 kPa gauge and 120.4 degC, the operating cost is 170.27 $/h (paper: 170.6);
 # eigenvalues 3.06 +- 5.08i 1/h; without control the reactor pressure shuts the plant down at 3.587 h; with 19 loops the
-# plant runs for 48 h, and after IDV(6) at 1 h shuts down at 6.892 h, as the program of the authors does.
+# plant runs for 48 h, and after IDV(6) at 1 h shuts down at 6.892 h, as the program of the authors does; trajectories of SciPy
+# with the right-hand side in the units of the program.
 
 time t : h
 

@@ -3,19 +3,20 @@
 import numpy as np
 import pytest
 
+import eastman
 import smpl
-from plants import near, rest
+from plants import difference, near, rest
 
 
 @pytest.fixture(scope="module")
-def eastman() -> smpl.Model:
+def plant() -> smpl.Model:
     return smpl.compile("tennessee_eastman")
 
 
-def test_eastman_base_point_has_the_published_pressure_temperature_and_cost(eastman):
+def test_eastman_base_point_has_the_published_pressure_temperature_and_cost(plant):
     """Downs and Vogel 1993: 2705 kPa gauge, 120.4 degC, 170.6 $/h; teprob.f gives 170.27 $/h."""
-    run = eastman.rollout(rest(eastman), [eastman.native.defaults("action")], outputs=True)
-    outputs = dict(zip(eastman.algebraic_names, run.outputs[0, 0], strict=True))
+    run = plant.rollout(rest(plant), [plant.native.defaults("action")], outputs=True)
+    outputs = dict(zip(plant.algebraic_names, run.outputs[0, 0], strict=True))
     near(
         [outputs["p_reactor"], outputs["T[reactor]"], outputs["cost"], outputs["L_reactor"], outputs["Q_product"]],
         [2705.0, 120.4, 170.27, 75.0, 22.949],
@@ -23,9 +24,9 @@ def test_eastman_base_point_has_the_published_pressure_temperature_and_cost(east
     )
 
 
-def test_eastman_base_point_is_unstable_with_the_eigenvalues_of_the_program(eastman):
-    action = np.array(eastman.native.defaults("action"))
-    A = eastman.linearize(eastman.steady_state(action), action)[0]
+def test_eastman_base_point_is_unstable_with_the_eigenvalues_of_the_program(plant):
+    action = np.array(plant.native.defaults("action"))
+    A = plant.linearize(plant.steady_state(action), action)[0]
     values = np.linalg.eigvals(A)
     fastest = values[values.real.argmax()]
     near([fastest.real, abs(fastest.imag)], [3.06, 5.08], [0.01, 0.01])
@@ -58,6 +59,43 @@ def test_nineteen_loops_hold_the_eastman_plant_until_the_feed_of_a_is_lost():
     assert worst < 10
     assert info["failure"]
     assert env.time == pytest.approx(6.8917, abs=5e-3)
+
+
+def eastman_rates(model, states, commands):
+    """Right-hand side by the program of the authors, in the order and the units of the model."""
+    at = dict(zip(model.state_names, states, strict=True))
+    valves = [name[2:-1] for name in model.action_names]
+
+    def vessel(holdup, energy):
+        return np.r_[[at[holdup.format(i)] / eastman.LB for i in "ABCDEFGH"], at[energy] / eastman.BTU]
+
+    vessels = [
+        ("N[reactor,{}]", "U[reactor]"),
+        ("N[separator,{}]", "U[separator]"),
+        ("n_c[{}]", "H_c"),
+        ("n_m[{}]", "U_m"),
+    ]
+    opening = np.array([at[f"pos[{name}]"] for name in valves])
+    water = np.array([at["T_wr"], at["T_wc"]])
+    found = eastman.rates(*(vessel(*names) for names in vessels), water, opening, commands)
+    rate = dict(zip(("T_wr", "T_wc"), found[4], strict=True))
+    rate |= {f"pos[{name}]": value for name, value in zip(valves, found[5], strict=True)}
+    for (holdup, energy), values in zip(vessels, found, strict=False):
+        rate |= {holdup.format(i): value * eastman.LB for i, value in zip("ABCDEFGH", values, strict=False)}
+        rate[energy] = values[8] * eastman.BTU
+    return np.array([rate[name] for name in model.state_names])
+
+
+def test_eastman_plant_moves_as_in_scipy(plant):
+    """Twelve minutes with steps of four valves, against the program of the authors written in NumPy."""
+    start, nominal = rest(plant), np.array(plant.native.defaults("action"))
+    actions = np.tile(nominal, (12, 1))
+    actions[3:, [0, 9]] += 0.5
+    actions[6:, [5, 8]] -= 1
+    expected = difference(
+        plant, lambda x, u: eastman_rates(plant, x, u), start, actions, 1 / 60, method="LSODA", rtol=1e-9
+    )
+    assert expected < 1e-6
 
 
 BSM1 = {
