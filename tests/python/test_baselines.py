@@ -97,7 +97,7 @@ def test_full_information_is_not_worse_than_the_nominal_policy(environment, step
 def test_full_information_of_the_antibody_plant_keeps_what_the_nominal_policy_breaks():
     """A first batch: the nominal one starts the pool with what was in the pipes, below the least concentration.
 
-    Keeping it above costs part of this batch; over an episode the plant recovers more (`smpl.examples.plant_mpc`).
+    Keeping it above costs part of this batch; over an episode the plant recovers more (`python/examples/plant_mpc.py`).
     """
     env = smpl.Env("mab_plant", normalize=False, max_steps=25)
     nominal = run_episode(env, Nominal(), 1)
@@ -119,7 +119,7 @@ def test_the_economic_controller_of_the_culture_does_not_ask_for_what_a_full_tan
 
 def test_a_stopped_run_of_the_full_information_command_resumes(tmp_path, capsys, monkeypatch):
     pytest.importorskip("casadi")
-    from smpl.examples import full_information as command
+    import full_information as command
 
     arguments = ["reactor", "beer", "--out", str(tmp_path), "--steps", "6"]
     command.main([*arguments, "--seeds", "1"])
@@ -139,8 +139,8 @@ def test_a_stopped_run_of_the_full_information_command_resumes(tmp_path, capsys,
 
 
 def test_the_table_of_pensim_by_sampling_goes_on(tmp_path, capsys):
-    from smpl.examples import pensim_mpc
-    from smpl.examples.full_information import read, write
+    import pensim_mpc
+    from full_information import read, write
 
     given = ["--out", str(tmp_path), "--seeds", "1", "--steps", "30"]
     pensim_mpc.main(given)

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
-from smpl.learning.configuration import over, read, settings
-from smpl.learning.pages import markdown, place_in, summary
-from smpl.learning.records import Result, keep, recorded
-from smpl.learning.tables import table
+from smpl_benchmarks.configuration import over, read, settings
+from smpl_benchmarks.pages import markdown, place_in, summary
+from smpl_benchmarks.records import Result, keep, recorded
+from smpl_benchmarks.tables import table
 from tank import TANK
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,7 +19,7 @@ from smpl.datasets import collect, load  # noqa: E402
 from smpl.learning import Plan, Task  # noqa: E402
 from smpl.learning.cluster import spread_on_ray  # noqa: E402
 from smpl.learning.scores import score  # noqa: E402
-from smpl.learning.subjects import runs  # noqa: E402
+from smpl_benchmarks.subjects import runs  # noqa: E402
 
 NODE = {"num_cpus": 1, "object_store_memory": 100 * 2**20}
 

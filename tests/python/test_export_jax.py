@@ -103,7 +103,7 @@ def test_derivatives_of_the_exported_rates_are_those_of_the_model():
 
 
 def test_the_example_integrates_a_batch_as_the_environment_does():
-    from smpl.examples import jax_batch
+    import jax_batch
 
     functions = smpl.export.jax(smpl.compile("reactor"))
     env = smpl.Env("reactor", normalize=False)

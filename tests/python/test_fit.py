@@ -399,8 +399,8 @@ def test_a_word_that_is_no_kind_of_derivatives_is_refused(readings):
 
 @pytest.mark.parametrize("number", range(3))
 def test_intervals_hold_the_truth_and_scipy_says_the_same(number):
-    from smpl.bench.fit import study
-    from smpl.bench.fit_cases import CASES, Peer
+    from smpl_benchmarks.peers.fit import study
+    from smpl_benchmarks.peers.fit_cases import CASES, Peer
 
     case = CASES[number]
     found = study(case, 8)

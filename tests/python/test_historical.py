@@ -10,8 +10,8 @@ import pytest
 import smpl
 from smpl.learning import Task
 from smpl.learning.formulation import Formulation
-from smpl.learning.historical.__main__ import ENVIRONMENTS, link, main
-from smpl.learning.historical.trainer import ONLINE, online_trainer
+from smpl_benchmarks.historical.__main__ import ENVIRONMENTS, link, main
+from smpl_benchmarks.historical.trainer import ONLINE, online_trainer
 
 
 def test_an_environment_needs_its_python(tmp_path, capsys):
@@ -42,7 +42,7 @@ def test_an_environment_has_this_smpl_and_nothing_else_of_here(tmp_path):
 @pytest.mark.parametrize("algorithm", ONLINE)
 def test_an_algorithm_without_its_environment_says_how_to_make_it(algorithm, monkeypatch, tmp_path):
     monkeypatch.setenv("SMPL_ONLINE_2022", str(tmp_path))
-    with pytest.raises(ImportError, match=r"python -m smpl.learning.historical online DIR, then SMPL_ONLINE_2022=DIR"):
+    with pytest.raises(ImportError, match=r"python -m smpl.benchmark historical online DIR, then SMPL_ONLINE_2022=DIR"):
         online_trainer(algorithm, Task.of("reactor"), Formulation(), {})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from smpl.benchmark import benchmark, main, runs
-from smpl.learning.training import COLUMNS, curve, diverged, learn
+from smpl_benchmarks.training import COLUMNS, curve, diverged, learn
 from tank import DRAWN
 
 NAMES = {
@@ -216,7 +216,7 @@ def test_a_learned_run_that_was_cut_off_ends_in_the_same_bits(suite, algorithm, 
     pytest.importorskip("d3rlpy" if package == "d3rlpy" else "stable_baselines3")
     arguments = {"env": "Reactor", "algorithms": [algorithm], "workers": 1}
     benchmark(tmp_path / "whole", suite, **arguments)
-    import smpl.learning.training as training
+    import smpl_benchmarks.training as training
 
     follow = training._follow
 
@@ -337,7 +337,7 @@ def test_scalers_are_fitted_to_the_data_and_saved_with_the_policy(tmp_path):
 
     from smpl.datasets import collect
     from smpl.learning.formulation import Formulation
-    from smpl.learning.offline import D3rlpyTrainer
+    from smpl_benchmarks.offline import D3rlpyTrainer
 
     data = collect("atropine", "nominal", 3, tmp_path / "data", noise=0.01, max_steps=8)
     seen = np.concatenate([episode.observations[:-1] for episode in data])
@@ -368,7 +368,7 @@ def test_batches_are_those_of_d3rlpy(tmp_path):
     import d3rlpy
 
     from smpl.datasets import collect, to_d3rlpy
-    from smpl.learning.offline import Batches
+    from smpl_benchmarks.offline import Batches
 
     # Random actions end episodes by failure, others by the limit of steps.
     data = to_d3rlpy(collect("reactor", "random", 20, tmp_path / "data", max_steps=12))

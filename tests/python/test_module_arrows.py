@@ -257,13 +257,6 @@ LATE = {
     "smpl.analysis.fitting": {"smpl.analysis.fit_pictures"},  # Matplotlib
     "smpl.analysis.records": {"smpl.datasets"},  # pyarrow
     "smpl.commands.main": {"smpl.commands.fit"},  # the other commands need no Python
-    "smpl.bench.ppo": {"smpl.sb3"},
-    "smpl.learning.historical.train_online": {"smpl.learning.rllib"},
-    "smpl.learning.learned": {
-        f"smpl.{name}" for name in ("datasets", "learning.offline", "learning.online", "learning.rllib")
-    },
-    "smpl.learning.online": {"smpl.sb3"},
-    "smpl.published": {"smpl.controllers.bayesian", "smpl.controllers.pensim"},
     "smpl.learning.reports": {"smpl.learning.pictures"},  # Matplotlib
     "smpl.optimize.episodes": {"smpl.optimize.pictures"},  # Matplotlib
     "smpl.optimize.steady": {"smpl.optimize.pictures"},  # Matplotlib

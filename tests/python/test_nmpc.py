@@ -81,7 +81,7 @@ def shooting(rates, state, horizon, step, cost, low, high):
 
 
 def test_the_reactor_gets_the_plan_of_an_optimiser_over_an_integrator():
-    from smpl.bench.reactor import rates
+    from smpl_benchmarks.peers.reactor import rates
 
     env = at(smpl.Env("reactor", normalize=False), [0.86, 50.0, 0.65])
     target, nominal = np.array([0.8778252, 51.34660837, 0.659]), np.array([26.85, 0.1])

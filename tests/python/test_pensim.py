@@ -9,7 +9,7 @@ import pytest
 
 import smpl
 from conftest import ROOT
-from smpl.published import original_seed
+from smpl_benchmarks.published import original_seed
 
 MODEL = ROOT / "models" / "pensim.eq"
 # The original: 0.205 h a step, an exponent that became 0; but the schedule in hours, and the last reward as simulated.

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smpl import Env, published
+from smpl import Env
+from smpl_benchmarks import published
 from smpl.controllers import baseline
 from smpl.evaluation import run_episode
 from smpl.learning import Task

@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from smpl.examples.ppo_reactor import evaluate, train
+from ppo_reactor import evaluate, train
 from smpl.learning import Task
 from smpl.learning.formulation import Formulation
-from smpl.learning.online import StableBaselinesTrainer
+from smpl_benchmarks.online import StableBaselinesTrainer
 
 
 def test_ppo_learns_to_keep_the_reactor_from_igniting():

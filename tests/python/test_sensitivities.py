@@ -568,7 +568,7 @@ def test_shipped_models_against_differences(name):
 
 
 def test_the_gradient_through_an_episode():
-    from smpl.examples import policy_gradient as example
+    import policy_gradient as example
 
     env = smpl.Env("reactor", normalize=False)
     starts = example.starts_of(env, 3)
@@ -603,7 +603,7 @@ def test_the_code_of_the_page_runs_in_its_order():
 
 
 def test_the_cost_is_printed(capsys):
-    from smpl.examples import sensitivity_cost as example
+    import sensitivity_cost as example
 
     example.main(["beer"])
     header, row = capsys.readouterr().out.splitlines()

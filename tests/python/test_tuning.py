@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from smpl.benchmark import main, runs
-from smpl.learning import configuration
-from smpl.learning.tuning import Search, Trial, best, tune, write
+from smpl_benchmarks import configuration
+from smpl_benchmarks.tuning import Search, Trial, best, tune, write
 from tank import TANK
 
 yaml = pytest.importorskip("yaml")

@@ -1,0 +1,56 @@
+"""`python -m smpl.bench [SECTION]...`: print all benchmarks, or some."""
+
+from __future__ import annotations
+
+import argparse
+import platform
+
+from smpl_benchmarks.peers import (
+    advection,
+    batch,
+    decisions,
+    environments,
+    episodes,
+    exports,
+    fit,
+    kernels,
+    mab,
+    pensim,
+    ppo,
+    precision,
+    reactor,
+)
+
+SECTIONS = {
+    "environments": environments.main,
+    "episodes": episodes.main,
+    "reactor": reactor.main,
+    "batch": batch.main,
+    "precision": precision.main,
+    "kernels": kernels.main,
+    "advection": advection.main,
+    "pensim": pensim.main,
+    "mab": mab.main,
+    "exports": exports.main,
+    "decisions": decisions.main,
+    "fit": fit.main,
+    "ppo": ppo.main,
+}
+
+
+def main() -> None:
+    """Run the sections that were asked for."""
+    parser = argparse.ArgumentParser(prog="python -m smpl.bench", description="Benchmarks against peers.")
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=f"some of {', '.join(SECTIONS)}; all by default")
+    parser.add_argument("--repeats", type=int, default=5, help="runs whose median is taken")
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.sections if name not in SECTIONS]
+    if unknown:
+        parser.error(f"no section {', '.join(unknown)}; there are: {', '.join(SECTIONS)}")
+    print(f"{platform.machine()}, Python {platform.python_version()}; processor time of one thread, medians")
+    for name in arguments.sections or SECTIONS:
+        SECTIONS[name](arguments.repeats)
+
+
+if __name__ == "__main__":
+    main()
