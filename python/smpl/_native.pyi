@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -53,9 +54,10 @@ class ScenarioError(ValueError):
 class SimulationError(RuntimeError):
     """The equations could not be solved where there is no episode that could fail.
 
-    ``start`` is the report of a start without a solution, None otherwise: a mapping with ``block`` (number, count), ``unknowns`` (name, unit, guess,
-    value, bounds), ``equations`` (equation, residual), ``tried`` (method, iterations, residual, outside_bounds), ``at_bounds``, ``badly_scaled``,
-    ``other_solutions`` (outside of the bounds, in the order of the unknowns) and ``help``.
+    ``start`` is the report of a start without a solution, None otherwise: a mapping with ``block`` (number, count),
+    ``unknowns`` (name, unit, guess, value, bounds), ``equations`` (equation, residual), ``tried`` (method, iterations,
+    residual, outside_bounds), ``at_bounds``, ``badly_scaled``, ``other_solutions`` (outside of the bounds, in the order
+    of the unknowns) and ``help``.
     """
 
     start: dict[str, Any] | None

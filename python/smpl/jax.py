@@ -13,11 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import as_flag
-from smpl._layer import By, Layer, Trajectory, Transition, arranged, chained_rewards, check_last_axis, horizon_of
-from smpl._optional import load
+from smpl.analysis.layer import (
+    By,
+    Layer,
+    Trajectory,
+    Transition,
+    arranged,
+    chained_rewards,
+    check_last_axis,
+    horizon_of,
+)
+from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
-from smpl.rollout import check_first_step
+from smpl.support.arguments import as_flag
+from smpl.support.optional import load
 
 Array = Any
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import as_count, as_flag
-from smpl._layer import (
+from smpl.analysis.layer import (
     By,
     Layer,
     Points,
@@ -24,9 +23,10 @@ from smpl._layer import (
     check_last_axis,
     horizon_of,
 )
-from smpl._optional import load
+from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
-from smpl.rollout import check_first_step
+from smpl.support.arguments import as_count, as_flag
+from smpl.support.optional import load
 
 Tensor = Any
 

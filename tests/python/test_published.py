@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from smpl import Env
-from smpl_benchmarks import published
 from smpl.controllers import baseline
 from smpl.evaluation import run_episode
 from smpl.learning import Task
+from smpl_benchmarks import published
 
 
 def test_rows_that_have_no_chance_in_them_are_the_published_ones(tmp_path):

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smpl._arguments import FloatArray, as_count, as_flag, as_number, check_names, check_once
-from smpl.adjoint import _SAME
-from smpl.envs import Env, check_method
+from smpl.analysis.adjoint import _SAME
+from smpl.analysis.rollout import _threads
+from smpl.analysis.rollout import rollout as simulate
+from smpl.analysis.sensitivity import linearize_step, step
+from smpl.envs import Env
 from smpl.model import Model
-from smpl.rollout import _threads
-from smpl.rollout import rollout as simulate
-from smpl.sensitivity import linearize_step, step
+from smpl.support.arguments import FloatArray, as_count, as_flag, as_number, check_method, check_names, check_once
 
 # Derivatives to compute: by states, by actions, by the columns of `q`.
 By = tuple[bool, bool, bool]
