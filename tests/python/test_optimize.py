@@ -148,7 +148,7 @@ def test_fixed_states_stay_at_rest():
     [
         ({"maximize": "c_X", "vary": ["q"]}, ValueError, "'c_X': unknown name `c_X`"),
         ({"maximize": "c_B + q", "vary": ["q"]}, ValueError, "cannot be added"),
-        ({"maximize": "c_B } #", "vary": ["q"]}, ValueError, "no expression"),
+        ({"maximize": "c_B } #", "vary": ["q"]}, ValueError, "is not an expression"),
         ({"maximize": "c_B", "vary": ["z"]}, ValueError, "unknown 'z'"),
         ({"maximize": "c_B", "vary": {"q": (6, 7)}}, ValueError, "6 to 5"),
         ({"maximize": "c_B", "vary": ["k_1"]}, ValueError, "finite range"),

@@ -1,4 +1,4 @@
-"""What the observation levels of a model say about their sensors."""
+"""Sensors of the observation levels of a model."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def sensors(model: Model, noise: Mapping[str, float] | None = None) -> Sensors:
 
     Args:
         model: the model, compiled with that level.
-        noise: standard deviations by name in place of the declared ones.
+        noise: standard deviations by name instead of the declared ones.
 
     Raises:
         ValueError: an unknown name, or a negative deviation.

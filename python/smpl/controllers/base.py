@@ -1,4 +1,4 @@
-"""What a controller is, and those that need no model."""
+"""The base of controllers, and controllers that need no model."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Constant(TakesWrapped, needs_reset=False):
 
     Args:
         action: one number an action, physical units.
-        actions: names of the actions that it is meant for; another environment is refused.
+        actions: names of the actions that it sets; another environment is refused.
     """
 
     def __init__(self, action: npt.ArrayLike, actions: Iterable[str] | None = None) -> None:
@@ -158,7 +158,7 @@ class Policy(TakesWrapped, needs_reset=False):
         check_names("policy", [self._name], env.model.policies)
 
     def action(self, env: Env) -> FloatArray:
-        """What the policy chooses for the coming step."""
+        """Actions of the policy for the coming step."""
         return env.policy(self._name)
 
     def actions(self, rows: Rows) -> FloatArray:
@@ -167,7 +167,7 @@ class Policy(TakesWrapped, needs_reset=False):
 
 
 class Nominal(TakesWrapped, needs_reset=False):
-    """What `smpl simulate --policy nominal` runs: the model's policy `nominal`, else the nominal action."""
+    """The policy of `smpl simulate --policy nominal`: the model's policy `nominal`, else the nominal action."""
 
     needs = "model"
 
@@ -187,7 +187,7 @@ class Uniform(TakesWrapped):
     """Actions drawn uniformly from the action box, equal in equal episodes.
 
     Args:
-        seed: tells controllers apart that meet the same episode; 0 if none.
+        seed: distinguishes controllers in the same episode; 0 if none.
     """
 
     def __init__(self, seed: int | None = None) -> None:

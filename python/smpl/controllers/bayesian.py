@@ -51,7 +51,7 @@ class BayesianOptimization:
         last_status: reason of the last fallback.
 
     Raises:
-        ValueError: a box that is none, or a file of another search.
+        ValueError: an invalid box, or a file of another search.
         ImportError: scikit-learn is missing.
     """
 
@@ -129,7 +129,7 @@ class BayesianOptimization:
                 progress(len(self.values), self.best[1] if np.isfinite(self.values).any() else float("nan"))
 
     def ask(self, count: int | None = None) -> FloatArray:
-        """The next points, (count, d). The same until something is told."""
+        """The next points, (count, d). The same until `tell` is called."""
         count = self._batch if count is None else as_count("count", count)
         # Of the number of evaluations alone, so that a search from a file goes on as one that was not stopped.
         generator = np.random.default_rng([self._seed, len(self.values)])
@@ -231,7 +231,7 @@ class BayesianOptimization:
 
 @dataclass(frozen=True)
 class _Prior:
-    """What is supposed of the values before they are known: mean, deviation, and the kernel of what is over them."""
+    """Prior of the values: mean, deviation, and the kernel of what is over them."""
 
     mean: float
     deviation: float

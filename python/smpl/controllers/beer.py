@@ -17,7 +17,7 @@ class Profile(TakesWrapped, needs_reset=False):
         """Nothing to forget: the profile is a function of the step.
 
         Raises:
-            ValueError: the environment is no beer fermentation.
+            ValueError: the environment is not a beer fermentation.
         """
         require(env, "the temperature profile", actions=("T",), states=("S",))
 

@@ -17,7 +17,7 @@ from smpl.controllers.nmpc_model import Expressions
 from smpl.support.arguments import FloatArray
 
 NODES = ("radau", "gauss")
-# Above so many operations in all stages together, stages are calls of one function in place of one large graph.
+# Above so many operations in all stages together, stages are calls of one function instead of one large graph.
 _MOST_OPERATIONS = 600_000
 # What an interval behind the end of the episode counts for, of its cost and of its broken bounds: not 0, so that the
 # programme has one solution there too.
@@ -69,19 +69,19 @@ class Limit:
 
     @property
     def soft(self) -> bool:
-        """Whether it may be broken at a price."""
+        """True if it may be broken at a price."""
         return bool(np.isfinite(self.weight))
 
 
 @dataclass
 class Task:
-    """What is to be transcribed.
+    """The problem to be transcribed.
 
     Attributes:
         horizon: intervals.
         actions: names of those that are chosen.
         stage, last: cost of an interval, and of the last one.
-        integrate: costs are means over the interval in place of the value at its end.
+        integrate: costs are means over the interval instead of the value at its end.
         given: keys of what the expressions are given; `varying` those of which each interval has its own. With
             `within:episode`, 0 behind the end of the episode and 1 before, nothing happens there, nor counts.
         free: whether the actions of an interval are chosen anew; otherwise they stay.
@@ -127,7 +127,7 @@ class Programme:
         states, actions, inner, slack: places of scaled variables by interval; `actions` of a held interval are those of
             the last free one.
         softened: (place in g, place in x) of rows that a slack keeps from being negative, and of the slack.
-        structure: what fatrop is told.
+        structure: the arguments for fatrop.
     """
 
     task: Task
@@ -159,7 +159,7 @@ class Transcription:
         self.rows = np.ones(self.n + self.nz - len(self.e.explicit)) if task.rows is None else task.rows
         self.width = len(self.points) * (self.n + self.nz) * task.elements
         self.soft = [limit for limit in task.limits if limit.soft]
-        # Where the values of q stand among those that are common to all intervals and, behind them, those of one.
+        # Places of the values of q among those that are common to all intervals and, behind them, those of one.
         keys = [*(key for key in task.given if key not in task.varying), *task.varying]
         self.order = [keys.index(key) for key in task.given]
         self._equations = self.point_function("equations", self.e.equations)
@@ -184,7 +184,7 @@ class Transcription:
         begin, equations, places = s, [], []
         action, last, zero = u * self.scale, v * self.scale, ca.SX(e.integral.numel(), 1)
         offset = self._offsets(q)
-        # Behind the end of the episode everything rests: what would happen there could not be told from an optimum.
+        # Behind the end of the episode everything rests: the effect there could not be distinguished from an optimum.
         inside = q[task.given.index(_WITHIN)] if _WITHIN in task.given else 1.0
         for k in range(task.elements):
             cells = [w[(k * size + j) * per : (k * size + j + 1) * per] for j in range(size)]
@@ -212,7 +212,7 @@ class Transcription:
     def _stage(self, cost: Any, *, first: bool = False) -> tuple[Any, list[int]]:
         """Function of (s, v, u, w, slacks, q, t): end, equations, limits, rates of actions, cost.
 
-        Beside it the slack of each row of the limits, -1 for one without.
+        Also the slack of each row of the limits, -1 for one without.
         """
         ca, task, e = self._ca, self.task, self.e
         one = self._interval()
@@ -248,7 +248,7 @@ class Transcription:
         return ca.Function("stage", inputs, outputs), owners
 
     def _rows(self, limit: Limit, one: dict[str, Any], at: Any, first: bool) -> list[Any]:
-        """What must not be negative for a limit to hold at the end of the interval and at its inner nodes."""
+        """Expressions that are nonnegative where a limit holds: at the end of the interval and its inner nodes."""
         ca, e = self._ca, self.e
         function = self.point_function("limit", limit.expression)
         *inner, end = [at(function, place) / limit.size for place in one["places"]]

@@ -58,7 +58,7 @@ class CultureMPC(TakesWrapped):
         """Build the problem at the first call; forget the last solution.
 
         Raises:
-            ValueError: the environment is no antibody culture.
+            ValueError: the environment is not an antibody culture.
         """
         missing = [name for name in (*STATES, *ACTIONS) if name not in (*env.state_names, *env.action_names)]
         if missing:

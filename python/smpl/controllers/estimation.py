@@ -51,7 +51,7 @@ class Prediction:
             in a step.
         process_noise: standard deviation of what a step adds to each state, by name; of those that are left out a
             thousandth of their size.
-        noise: of the readings, by name, in place of what the level declares.
+        noise: of the readings, by name, instead of those of the level.
         fixed: values of parameters of the model.
         disturbances: names of declared disturbances that are estimated; if none, all that are random or go on from
             their own values. Parameters and numbers that are drawn at a reset and move these are estimated too.
@@ -289,7 +289,7 @@ class Prediction:
         return found[0], _slopes(found[1:], width)
 
     def _beside(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points beside x, (2 x, x), two in each direction within the bounds, and how far these are apart."""
+        """Points next to x, (2 x, x), two in each direction within the bounds, and how far these are apart."""
         distance = 1e-4 * np.maximum(self.scale, np.abs(x))
         below, above = np.maximum(x - distance, self.low), np.minimum(x + distance, self.high)
         return np.vstack([x + np.diag(below - x), x + np.diag(above - x)]), above - below
@@ -402,7 +402,7 @@ class Prediction:
 
 
 def _slopes(found: FloatArray, width: FloatArray) -> FloatArray:
-    """Derivative (of, x) from values (2 x, of) beside a point."""
+    """Derivative (of, x) from values (2 x, of) next to a point."""
     return ((found[len(width) :] - found[: len(width)]) / width[:, None]).T
 
 

@@ -44,13 +44,13 @@ class Deferred(TakesWrapped):
         self.controller.reset(env)
 
     def action(self, env: Env) -> FloatArray:
-        """What the controller chooses."""
+        """Actions of the controller."""
         found: FloatArray = self.controller.action(env)
         return found
 
 
 def followed(env: Env, horizon: int) -> FloatArray:
-    """What the nominal policy would do from here, (H, actions): a copy of the environment follows it."""
+    """Actions of the nominal policy from here, (H, actions): a copy of the environment follows it."""
     ahead, policy = deepcopy(env), Nominal()
     actions = np.empty((horizon, len(env.action_names)))
     ended = False

@@ -39,7 +39,7 @@ class Function(TakesWrapped):
         self._generator = np.random.default_rng(env.episode)
 
     def action(self, env: Env) -> FloatArray:
-        """What the function returns for the state or the readings."""
+        """The result of the function for the state or the readings."""
         shown = env.state if self.sees == "state" else env.reading
         chosen = self._function(shown, self._generator) if self._random else self._function(shown)
         return as_vector("the function's action", chosen, len(env.action_names))
@@ -51,7 +51,7 @@ class Noisy(TakesWrapped):
     Args:
         controller: one in physical units.
         deviation: standard deviations by names of actions, physical units; the others have no noise.
-        seed: tells controllers apart that meet the same episode.
+        seed: distinguishes controllers in the same episode.
     """
 
     def __init__(self, controller: Any, deviation: dict[str, float], seed: int = 0) -> None:

@@ -17,7 +17,7 @@ from smpl.support.arguments import FloatArray, as_count, as_number
 
 @dataclass
 class _Instant:
-    """What is kept of a step until no sample of it can arrive any more."""
+    """Data of a step, kept until no sample of it can arrive."""
 
     step: int
     mean: FloatArray
@@ -64,12 +64,14 @@ class Consistency:
 
     @property
     def holds(self) -> bool:
-        """Whether the sum is within the band."""
+        """True if the sum is within the band."""
         return self.low <= self.square <= self.high
 
     def __str__(self) -> str:
-        said = "consistent" if self.holds else "overconfident" if self.square > self.high else "too cautious"
-        return f"{said}: {self.square:.4g} of {self.degrees} degrees of freedom, band {self.low:.4g} to {self.high:.4g}"
+        verdict = "consistent" if self.holds else "overconfident" if self.square > self.high else "too cautious"
+        return (
+            f"{verdict}: {self.square:.4g} of {self.degrees} degrees of freedom, band {self.low:.4g} to {self.high:.4g}"
+        )
 
 
 def consistency(square: float, degrees: int, level: float = 0.95) -> Consistency:
@@ -108,7 +110,7 @@ class ExtendedKalmanFilter(TakesWrapped):
         deviation: their standard deviations, by name.
         process_noise: standard deviation of what each step adds to a state, by name.
         parameters: parameters to estimate with the states: name -> standard deviation of their drift in a step.
-        noise: standard deviations of the readings by name, in place of the declared ones.
+        noise: standard deviations of the readings by name, instead of the declared ones.
         p: values of parameters of the model that predicts.
         disturbances: names of declared disturbances that are estimated with the states, by their rules; if none, all
             that are random or go on from their own values. Drawn parameters of their rules are estimated too.
@@ -183,7 +185,7 @@ class ExtendedKalmanFilter(TakesWrapped):
 
     @property
     def derivatives(self) -> str:
-        """Which derivatives the covariance was predicted by."""
+        """Kind of the derivatives that predicted the covariance."""
         return self.prediction.derivatives
 
     def reset(self, env: Env) -> None:

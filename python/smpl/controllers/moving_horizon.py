@@ -124,7 +124,7 @@ class MovingHorizonEstimator(TakesWrapped):
 
     @property
     def derivatives(self) -> str:
-        """Which derivatives the optimiser was given."""
+        """Kind of the derivatives of the optimiser."""
         return self.prediction.derivatives
 
     def reset(self, env: Env) -> None:

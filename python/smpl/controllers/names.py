@@ -49,7 +49,7 @@ def measured(env: Env, name: str, sees: str) -> Measured:
     """The observation or state of a name.
 
     Raises:
-        ValueError: there is none of that name; the message lists those that there are, with their units.
+        ValueError: unknown name; the message lists the valid ones with their units.
     """
     if sees not in ("observation", "state"):
         raise ValueError(f"sees is {sees!r}, expected 'observation' or 'state'")
@@ -71,7 +71,7 @@ def action_index(model: Model, name: str) -> int:
     """Position of an action.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: unknown name.
     """
     if name not in model.action_names:
         raise ValueError(

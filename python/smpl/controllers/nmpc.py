@@ -50,8 +50,8 @@ class NMPC(TakesWrapped):
             the model's steady state.
         terminal: weights at the end of the horizon; those of `cost` if None.
         rate_weight: by names of actions, of squared changes from one interval to the next.
-        integrate: the cost is the mean over each interval in place of the value at its end.
-        bounds: (low, high) by names, None where there is none; in place of declared ones.
+        integrate: the cost is the mean over each interval instead of the value at its end.
+        bounds: (low, high) by names, None for an open end; instead of declared ones.
         path: bounds hold at the nodes inside of each interval too, if what is bounded has a value there (it has none if
             it reads integrals or earlier values); a start out of bounds may come back in time. Else at the ends alone.
         hard: names of those that must hold; all others may be broken at the price of `soft_weight`.
@@ -172,7 +172,7 @@ class NMPC(TakesWrapped):
         settings = Settings(solver, as_number("tolerance", tolerance), limits_of_solver, budget)
         self._solver = Solver(Transcription(task), settings, starts, as_seconds("time_limit", time_limit))
         self._finer: Finer | None = None
-        # What was stopped early is no solution of the equations yet.
+        # A result that was stopped early does not solve the equations yet.
         self._comparing = budget is None and iterations is None
         self._rest, self._estimator, self._keep = rest, estimator, bool(keep_warm_start)
         self.sees = getattr(estimator, "sees", "state")
@@ -412,9 +412,7 @@ def _pair(name: str, given: Any) -> tuple[float, float]:
     try:
         low, high = given
     except (TypeError, ValueError):
-        raise ValueError(
-            f"bounds[{name!r}] is {given!r}, expected (low, high), with None where there is none"
-        ) from None
+        raise ValueError(f"bounds[{name!r}] is {given!r}, expected (low, high), with None for an open end") from None
     found = (
         -np.inf if low is None else as_number(f"bounds[{name!r}]", low),
         np.inf if high is None else as_number(f"bounds[{name!r}]", high),

@@ -34,7 +34,7 @@ class Eliminated:
 
 
 def eliminate(equations: Any, unknowns: Any, rates: int) -> Eliminated:
-    """Solve equations for the unknowns that are linear in a small block of their own.
+    """Solve equations for the unknowns that are linear in a small block.
 
     Args:
         equations: residuals, a column of CasADi's SX.

@@ -29,7 +29,7 @@ class Given:
         targets: what has a set-point: name -> expression.
 
     Attributes:
-        keys, varying: what is given; those of which each interval has its own.
+        keys, varying: given names; those with a value for each interval.
         guess: states and algebraic variables at rest, or at the nominal start.
         first: all values of the first interval, in the order of the keys.
     """
@@ -208,7 +208,7 @@ class Given:
         return float(ca.Function("steady", [ca.vertcat(*symbols)], [quantity])(known))
 
     def _steady_of(self, env: Env) -> dict[str, float]:
-        """What `steady(...)` means: the plant's own, which rewards are paid by."""
+        """The meaning of `steady(...)`: that of the plant, on which rewards depend."""
         if not any(key.startswith("steady:") for key in self._constant):
             return {}
         try:

@@ -38,7 +38,7 @@ class Guesses:
         return float(f), np.asarray(g).ravel()
 
     def finite(self, x: FloatArray, p: FloatArray) -> FloatArray | None:
-        """The guess, or the first of the points near it at which all is finite; None if there is none.
+        """The guess, or the first of the points near it at which all is finite; None if missing.
 
         A guess on the bound of a state, where a rate may have no slope, is moved inside of it.
         """

@@ -1,4 +1,4 @@
-"""What a predictive controller knows of a model: CasADi expressions of what it may vary and of what it is given.
+"""The model of a predictive controller: CasADi expressions of its variables and given values.
 
 States of the chosen part, algebraic variables and actions are variables; whatever else the expressions read
 (parameters, discrete variables, states of the rest of the plant, values at other instants) is *given* anew at every
@@ -130,7 +130,7 @@ class Expressions(Mapping[str, Any]):
         """A reward of the step that ends at the point.
 
         Raises:
-            ValueError: there is none of that name, or it needs what a horizon does not know.
+            ValueError: unknown name, or a quantity that a horizon does not know.
         """
         e = self.export
         if name not in e.rewards:
@@ -156,7 +156,7 @@ class Expressions(Mapping[str, Any]):
         return self._ca.vertcat(*(self._symbol(key) for key in keys))
 
     def limits(self) -> list[tuple[str, Any, float, float]]:
-        """What the model itself demands of the end of every step: (name, expression, low, high).
+        """Limits of the model at the end of every step: (name, expression, low, high).
 
         Bounds of states, boxes of failures, root functions of failing events, violations of other failures and of
         declared constraints.
@@ -187,7 +187,7 @@ class Expressions(Mapping[str, Any]):
         if e.constraints is not None:
             values = self.call(e.constraints)
             found += [(name, values[i], -np.inf, 1e-6) for i, name in enumerate(e.labels["constraints"])]
-        # What only an episode knows (a counter, a reward) is no limit of a prediction.
+        # Quantities of an episode (a counter, a reward) are not limits of a prediction.
         return [one for one in found if not any(key.startswith("c:") for key in self._keys(one[1]))]
 
     def _bounded(self, state: str) -> bool:
@@ -195,7 +195,7 @@ class Expressions(Mapping[str, Any]):
         return bool(np.isfinite(self.state_low[i]) or np.isfinite(self.state_high[i]))
 
     def within(self, expression: Any, *, algebraic: bool = True) -> bool:
-        """Whether it has a value at every point of a step: it reads states there, and nothing of the step as a whole.
+        """Return whether it has a value at every point of a step, without values of the step as a whole.
 
         Args:
             algebraic: it may read algebraic variables too.
@@ -243,7 +243,7 @@ class Expressions(Mapping[str, Any]):
     def _rates_of(self, at: list[int]) -> Any:
         e = self.export
         if e.dae is None:
-            raise ValueError(f"{e.name} is not explicit in its rates: its states have none of their own")
+            raise ValueError(f"{e.name} is not explicit in its rates")
         return self.call(e.dae)[0][at]
 
     def _dynamics(self) -> tuple[Any, list[int], list[int]]:
@@ -307,7 +307,7 @@ class Expressions(Mapping[str, Any]):
 
 
 def _sizes(scale: FloatArray, nominal: FloatArray) -> FloatArray:
-    """Scales that are positive and finite; a scale of 1 is none where the nominal value tells a size."""
-    told = np.where(np.isfinite(nominal) & (nominal != 0), np.abs(nominal), 1.0)
+    """Scales that are positive and finite; a scale of 1 is ignored if the nominal value shows a size."""
+    size = np.where(np.isfinite(nominal) & (nominal != 0), np.abs(nominal), 1.0)
     usable = np.isfinite(scale) & (scale > 0) & (scale != 1.0)
-    return np.where(usable, scale, told)
+    return np.where(usable, scale, size)

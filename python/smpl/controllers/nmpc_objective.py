@@ -54,7 +54,7 @@ class Objective:
         self.stage, self.last = self.stage + move, end + move
 
     def factor(self, given: Given) -> float:
-        """What makes the steepest slope of the cost 10 in scaled variables, a tenth of their sizes off the guess."""
+        """Factor for a steepest slope of the cost of 10 in scaled variables, a tenth of their sizes off the guess."""
         e, ca = self._e, self._ca
         at = ca.vertcat(e.x, e.z, e.u)
         sizes = np.concatenate([e.state_scale, e.algebraic_scale, e.action_scale])

@@ -49,7 +49,7 @@ class Solution:
     unfinished: bool = False
 
     def shifted(self) -> Solution:
-        """What is left an interval later; the last interval again at its end."""
+        """The remaining plan an interval later; the last interval again at its end."""
         if self.programme.structure["nu"].count(self.programme.structure["nu"][0]) != self.programme.task.horizon:
             x = self.x.copy()
             _shift(x, self.programme.states)
@@ -104,7 +104,7 @@ class Pauses:
         self._left = {key: left - 1 for key, left in self._left.items() if left > 1}
 
     def ready(self, key: str) -> bool:
-        """Whether to try it in this decision."""
+        """Return whether to try it in this decision."""
         return key not in self._left
 
     def failed(self, key: str) -> None:
@@ -249,7 +249,7 @@ class Solver:
         return plan
 
     def _cold(self, given: tuple[Any, ...], cold: list[Any]) -> Solution | None:
-        """The first of some guesses at which the programme is finite, or near which it is; None if there is none."""
+        """The first of some guesses at or near which the programme is finite; None if missing."""
         p = self._parameters(given)
         for one in cold:
             guess = self._guess(*one)
@@ -259,7 +259,7 @@ class Solver:
         return None
 
     def _along(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
-        """What a plan leads to, as a first guess at which the equations hold; None where that is not known."""
+        """The simulated plan, as a first guess at which the equations hold; None where that is not known."""
         p, along = self._parameters(given), self._simulated().follow(given, actions)
         if not np.isfinite(along).all():
             return None
@@ -296,7 +296,7 @@ class Solver:
     def elastic(
         self, given: tuple[Any, ...], old: Solution | None, rest: tuple[FloatArray, FloatArray], action: FloatArray
     ) -> Solution | None:
-        """The plan that breaks the bounds that had to hold least; None if there are none, or no time."""
+        """The plan with the least violation of the hard bounds; None without such bounds or time."""
         task = self._transcription.task
         if all(limit.soft for limit in task.limits) or not all(np.isfinite(part).all() for part in given):
             return None
@@ -365,7 +365,7 @@ class Solver:
         return np.where(near, multipliers, 0.0)
 
     def _usable(self, name: str, x: FloatArray, g: FloatArray) -> bool:
-        """Whether a point at which a solver stopped early meets the equations."""
+        """Return whether a point at which a solver stopped early meets the equations."""
         programme = self._programme
         if self._settings.budget is None and self._settings.iterations is None:
             return False

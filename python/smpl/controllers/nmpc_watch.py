@@ -1,7 +1,7 @@
 """Calls of CasADi's solvers that an interrupt or a time limit ends.
 
 A callback stops a solver after its iteration at the time limit, and where the handler of a signal raises an exception.
-fatrop has no callback and ignores interrupts: it works in a thread of its own, in which CasADi has released the
+fatrop has no callback and ignores interrupts: it works in a separate thread, in which CasADi has released the
 interpreter lock. The calling thread waits for it, handles signals, and leaves it alone at the time limit; it then ends
 at its limit of iterations.
 """
@@ -35,7 +35,7 @@ class Stop:
         self.deadline = float("inf")
 
     def reached(self) -> bool:
-        """Whether the solver has to stop now."""
+        """Return whether the solver has to stop now."""
         return self.asked or time.perf_counter() > self.deadline
 
 
@@ -110,7 +110,7 @@ class Watched:
         return found
 
     def _aside(self, deadline: float, arguments: Mapping[str, Any]) -> Any:
-        """The result of a solver in a thread of its own."""
+        """The result of a solver in a separate thread."""
         if self._busy.locked():
             raise TimeoutError("still busy with an earlier call")
         found: list[Any] = []

@@ -45,7 +45,7 @@ class PID(TakesWrapped):
         anti_windup: of the positional form: `back_calculation` with the tracking time, `clamping` (no integration that
             would drive a saturated action further) or `none`.
         tracking_time: T_t; the root of T_i T_d, or T_i without derivative, if none.
-        low, high: limits of the action in place of its box.
+        low, high: limits of the action instead of its box.
         bumpless: the first action of an episode is the operating one: the integral begins where that needs it.
         sees: `observation` (`env.reading`) or `state`.
     """
@@ -142,7 +142,7 @@ class PID(TakesWrapped):
             self._integral += old - new
 
     def track(self, action: float) -> None:
-        """What was applied in place of the last action, by hand or by another controller: go on from there."""
+        """Continue from an action that was applied instead of the last one, manually or by another controller."""
         if self.form == "positional":
             self._integral += action - self._applied
         self._applied = action
@@ -273,7 +273,7 @@ class PID(TakesWrapped):
 
 
 def _limits(low: float | None, high: float | None) -> tuple[float | None, float | None]:
-    """Limits of an action or set-point; one that is none is left to the action's box."""
+    """Limits of an action or set-point; a missing one is that of the action's box."""
     ends = [None if end is None else as_number(what, end) for what, end in (("low", low), ("high", high))]
     if any(end is not None and math.isnan(end) for end in ends):
         raise ValueError(f"low is {low!r} and high {high!r}, expected numbers")
@@ -283,11 +283,11 @@ def _limits(low: float | None, high: float | None) -> tuple[float | None, float 
 
 
 class Loops(TakesWrapped):
-    """Several loops at once, each with an action of its own; the other actions stay at the operating ones.
+    """Several loops at once, each with its own action; the other actions stay at the operating ones.
 
     Args:
         loops: `PID` or `Cascade`.
-        others: actions by name that are held in place of the operating ones.
+        others: actions by name that are held instead of the operating ones.
     """
 
     def __init__(self, *loops: PID | Cascade, others: Mapping[str, float] | None = None) -> None:

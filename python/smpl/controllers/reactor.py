@@ -39,7 +39,7 @@ class Proportional(TakesWrapped, needs_reset=False):
         """Nothing to forget.
 
         Raises:
-            ValueError: the environment is no reactor.
+            ValueError: the environment is not a reactor.
         """
         require(env, "the proportional controller", ACTIONS, STATES)
 
@@ -108,7 +108,7 @@ class ReactorNMPC(TakesWrapped):
         """Build the problem at the first call; forget the last solution.
 
         Raises:
-            ValueError: the environment is no reactor.
+            ValueError: the environment is not a reactor.
         """
         require(env, "this predictive controller", ACTIONS, STATES)
         if self.controller is None or self.controller.model is not env.model:

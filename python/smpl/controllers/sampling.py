@@ -2,7 +2,7 @@
 
 Model predictive path integral: G. Williams, A. Aldrich, E. A. Theodorou, Journal of Guidance, Control, and Dynamics 40
 (2017) 344-357; cross-entropy: R. Y. Rubinstein, D. P. Kroese, The Cross-Entropy Method (2004). No derivative is needed,
-so that phases, events, recipes and integer actions are no obstacle.
+so that phases, events, recipes and integer actions are possible.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ class SamplingMPC(TakesWrapped):
         hold: steps for which what is sampled, the change of a plan, is held (move blocking).
         every: a new plan every so many steps; in between the last one goes on.
         integer: names of actions that are whole numbers.
-        guess: a function (env, horizon) that returns actions (H, actions) or (K, H, actions), tried beside the
+        guess: a function (env, horizon) that returns actions (H, actions) or (K, H, actions), tried in addition to the
             samples, and the beginning of the first plan; the operating action if none.
         p: parameters of the model that predicts.
         outputs: give algebraic outputs to the cost.
         estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`; the state of the environment if none.
-        seed: tells controllers apart that meet the same episode. Random numbers come from it and from the episode.
-        failure_cost: added for each step that a failed sequence falls short of the horizon, in place of a default above
+        seed: distinguishes controllers in the same episode. Random numbers come from it and from the episode.
+        failure_cost: added for each step that a failed sequence falls short of the horizon, instead of a default above
             all costs of sequences without failure.
 
     Attributes:
@@ -185,7 +185,7 @@ class SamplingMPC(TakesWrapped):
         return np.clip(given if given.ndim == 3 else given[None], self._low, self._high)
 
     def _shifted(self, env: Env, horizon: int, given: FloatArray) -> FloatArray:
-        """What the last plan has left; the guess where there is none, and at its end."""
+        """The rest of the last plan; the guess without a plan, and at its end."""
         start = given[0].copy()
         kept = self.plan[self._used : self._used + horizon]
         start[: len(kept)] = kept

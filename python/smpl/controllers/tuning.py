@@ -122,7 +122,7 @@ def step_response(
     if unstable > 1e-7 / model.step:
         raise ValueError(
             f"{model.name} is unstable at this point (eigenvalue {unstable:.4g}/{model.time_unit}): "
-            "SIMC wants a stable process; use LQR, or the relay experiment"
+            "SIMC needs a stable process; use LQR, or the relay experiment"
         )
     response = _response(A, B[:, column], row, through, model.step)
     return _reduce(response, model.step, f"{measurement} by {action}")
@@ -152,7 +152,7 @@ def tune(
 
 @dataclass(frozen=True)
 class Ultimate:
-    """What a relay experiment finds: the gain at which the loop would oscillate, with its sign, and the period."""
+    """Result of a relay experiment: the gain at which the loop would oscillate, with its sign, and the period."""
 
     gain: float
     period: float
@@ -240,7 +240,9 @@ def _output(model: Model, name: str, C: FloatArray, through: FloatArray) -> tupl
     if name in model.state_names:
         return np.eye(len(model.state_names))[model.state_names.index(name)], 0.0
     known = listing(model.observation_names, model.observation_units)
-    raise ValueError(f"measurement {name!r} is no observation and no state of {model.name}; observed are: {known}")
+    raise ValueError(
+        f"measurement {name!r} is neither an observation nor a state of {model.name}; observed are: {known}"
+    )
 
 
 def _response(A: FloatArray, b: FloatArray, c: FloatArray, d: float, step: float) -> FloatArray:

@@ -22,7 +22,7 @@ def _function_class() -> type[Any]:
         """A function of a model.
 
         In calls by position `z` may be left out where the model has no algebraic variables, `c` where only constants
-        are read of it, and `p`, which may also be a mapping of names to values in place of the nominal ones. In
+        are read of it, and `p`, which may also be a mapping of names to values instead of the nominal ones. In
         everything else it is a function as any other.
         """
 

@@ -30,7 +30,7 @@ def json(model: Model) -> dict[str, Any]:
 
 
 def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]:
-    """Write an export as `smpl export --to TARGET -o PATH` does; further files stand beside the main one.
+    """Write an export as `smpl export --to TARGET -o PATH` does; further files are next to the main one.
 
     Returns:
         The files, the main one first.

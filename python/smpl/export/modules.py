@@ -115,14 +115,14 @@ class CasadiModel(Tables):
     `action_names` and `parameter_names` say what the elements are. p holds the parameters, then discrete variables and
     disturbances, then what else the equations need (time last, where they depend on it). Functions of a whole step may
     also take c (`context_names`): values at other instants, counters. The `name_in()` of a function says what it takes.
-    Calls may leave out z where there is none, p (the nominal one) and c where it holds constants only; p may be a
+    Calls may omit z in models without it, p (the nominal one) and c where it holds constants only; p may be a
     mapping.
 
     Attributes:
         rhs: `rhs(x, u, p)`, rates of the states; None unless the model is explicit without algebraic variables.
         dae: `dae(x, z, u, p)`, rates and residual of the algebraic equations; None unless explicit in the rates.
         residual: `residual(dx, x, z, u, p)`, for every model.
-        outputs: algebraic outputs (`output_names`); None if there are none, like the following.
+        outputs: algebraic outputs (`output_names`); None if missing, like the following.
         observations: observations in physical units (`observation_names`).
         rewards: mapping of the name of each reward to its function.
         failures, successes, constraints, invariants, events, integrals: vectors, named by `labels`.
@@ -161,7 +161,7 @@ class CasadiModel(Tables):
             ValueError: a name means no state, or the model is not explicit in its rates.
         """
         if self.dae is None:
-            raise ValueError(f"{self.name} is not explicit in its rates: its states have none of their own")
+            raise ValueError(f"{self.name} is not explicit in its rates")
         nominal = np.concatenate([self.state_nominal, self.algebraic_nominal])
         return cut(self._build, self._smooth, states, (self.state_names, self.algebraic_names), nominal)
 
@@ -178,7 +178,7 @@ class JaxModel(Tables):
 
     Functions take time t first, then the vectors of `CasadiModel`: `rhs(t, x, u, p)`, `dae(t, x, z, u, p)`,
     `residual(t, dx, x, z, u, p)`, `outputs`, `observations`, `rewards` (a vector, `reward_names`) and so on of
-    (t, x, z, u, p) and, where `takes_context` says so, c; time is no part of p.
+    (t, x, z, u, p) and, where `takes_context` says so, c; p does not contain time.
 
     Attributes:
         functions: all functions by name, the updates included, which give (x, z, p).
@@ -198,7 +198,7 @@ class JaxModel(Tables):
         self.rewards: Any = self.functions.get("rewards")
 
     def takes_context(self, name: str) -> bool:
-        """Whether a function takes the vector c as its last argument."""
+        """Return whether a function takes the vector c as its last argument."""
         code = self.functions[name].__code__
         return "c" in code.co_varnames[: code.co_argcount]
 

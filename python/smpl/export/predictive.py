@@ -11,7 +11,7 @@ from smpl.model import Model
 from smpl.support.arguments import check_names
 from smpl.support.optional import load
 
-# Larger models have one vector of states in place of a variable for each.
+# Larger models have one vector of states instead of a variable for each.
 _MOST_VARIABLES = 200
 
 
@@ -24,9 +24,9 @@ def do_mpc(
 ) -> Any:
     """The model as a `do_mpc.model.Model` that is set up, ready for the controllers and simulators of do-mpc.
 
-    Every state, algebraic variable and action is a variable with its name, in which whatever is no letter, digit or
-    underscore has become an underscore (`c[1,2]` is `c_1_2`); a model of more than 200 states has one vector `x`, and
-    one `z`. Outputs, observations and rewards that (x, z, u, p) determine are expressions: `NAME`, `obs_NAME`,
+    Every state, algebraic variable and action is a variable with its name.
+    Every character except a letter, digit or underscore becomes an underscore (`c[1,2]` is `c_1_2`).
+    A model of more than 200 states has one vector `x`, and one `z`. Outputs, observations and rewards that (x, z, u, p) determine are expressions: `NAME`, `obs_NAME`,
     `reward_NAME`.
 
     Args:
@@ -34,7 +34,7 @@ def do_mpc(
         parameters: names among `CasadiModel.parameter_names` that become parameters (`_p`) of the model.
         varying: names that become time-varying parameters (`_tvp`): disturbances, for example. All others have
             their nominal values.
-        kind, smooth: as for `smpl.export.casadi`; smooth switches are what optimizers want.
+        kind, smooth: as for `smpl.export.casadi`; optimizers need smooth switches.
 
     Raises:
         ImportError: do-mpc or CasADi is missing.

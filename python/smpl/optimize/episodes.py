@@ -109,11 +109,11 @@ def episode(
 
     Args:
         env: an `smpl.Env`, a model, or the name or path of one. Its reward counts, and its time limit.
-        vary: names of actions and parameters with (low, high), the declared bounds where there is none. With `actions`,
+        vary: names of actions and parameters with (low, high), the declared bounds if missing. With `actions`,
             any names.
         moves: numbers for each action, over equal parts of the horizon; or by name.
         shape: `hold` keeps each number over its part, `linear` interpolates between them.
-        actions: makes the actions (H, actions) of an episode from the inputs by name, in place of moves.
+        actions: makes the actions (H, actions) of an episode from the inputs by name, instead of moves.
         base: what the other actions are: the name of a policy of the model that needs no feedback, actions (H, actions)
             or (actions,); the operating ones if none.
         horizon: steps; the time limit if none.
@@ -122,7 +122,7 @@ def episode(
         options: as for `reset`, for every start.
         goal: of a `Rollout` of N episodes, returns (N,); the return if none.
         penalty: subtracted for each unit of the constraints' violations.
-        worst: the worst start counts in place of the mean.
+        worst: the worst start counts instead of the mean.
         method: `cma`, `differential_evolution` or `bayes`, see `Search`; of one number alone `differential_evolution`,
             else `cma`.
         evaluations: recipes in all, each from all starts.
@@ -276,7 +276,7 @@ class _Task:
             yield int(one), given
 
     def _disturbances(self, seed: int | None, options: dict[str, Any]) -> dict[str, FloatArray]:
-        """What the disturbances of an episode are, whatever is done in it."""
+        """Disturbances of an episode, independent of the actions."""
         names = self.model.disturbance_names
         if not names:
             return {}

@@ -55,7 +55,7 @@ class Search:
         points: (n, d), values: (n,), in the order of the evaluations.
 
     Raises:
-        ValueError: no such method, a box that is none, or a file of another search.
+        ValueError: no such method, an invalid box, or a file of another search.
     """
 
     def __init__(

@@ -32,7 +32,7 @@ class SteadyOptimum:
 
     Attributes:
         inputs: what was varied, by name, declared units.
-        value: of the goal, as it was given: the largest one of `maximize`, the smallest one of `minimize`.
+        value: of the goal, in its units: the largest one of `maximize`, the smallest one of `minimize`.
         y, u: unknowns (`Model.unknown_names`) and actions of the model there.
         states: by name.
         limits: value of each limited expression.
@@ -97,8 +97,8 @@ def steady(
             None, and for names alone, the declared bounds count.
         maximize, minimize: one of them: an expression of the language in the model's names, in the declared units:
             `q_out*c_B - 0.1*(T_c - T_f)`.
-        limits: expressions and their (low, high), an end None where there is none, or one number for equality. The
-            declared bounds of the states are kept beside them.
+        limits: expressions and their (low, high), None for an open end, or one number for equality. The
+            declared bounds of the states also hold.
         fixed: states that the equations leave free, and their values, as for `Model.steady_state`. Where their rates
             depend on what is varied, they are kept at zero.
         start: inputs where the search begins; their declared values if none.
@@ -113,7 +113,7 @@ def steady(
         A local optimum: another start may lead to a better one.
 
     Raises:
-        ValueError: an unknown name, an empty range, or an expression that is none; the message says where.
+        ValueError: an unknown name, an empty range, or an invalid expression; the message names the place.
         SimulationError: there is no steady state at the start, or no point keeps the limits.
         ImportError: SciPy is missing.
     """
@@ -188,7 +188,7 @@ class _Problem:
         self.values: list[float] = []
 
     def _order(self) -> None:
-        """Where states of the model and rates of the expressions are among the unknowns of the augmented one."""
+        """Places of the model's states and the expressions' rates among the unknowns of the augmented model."""
         unknowns = self.augmented.unknown_names
         self.own = np.array([unknowns.index(name) for name in self.model.unknown_names])
         states = self.augmented.state_names
@@ -322,7 +322,7 @@ class _Problem:
         self.equal = self.ends[:, 0] == self.ends[:, 1]
         self.equal[len(ends) - len(self.held) :] &= drifting
         self.unequal = self.ends[:, 0] < self.ends[:, 1]
-        # A concentration of nothing that is fed stays at its bound whatever is done.
+        # A concentration that is not fed stays at its bound whatever is done.
         self.moving = (slope > 1e-9 * self.size) | (np.arange(len(ends)) < len(self.limits))
 
     def _constraints(self) -> list[dict[str, Any]]:
@@ -356,7 +356,7 @@ class _Problem:
         return self._result(point, False, message)
 
     def _beyond(self, point: _Point) -> FloatArray:
-        """What a point exceeds its limits by, over their size."""
+        """Excess of a point over its limits, relative to their size."""
         beyond: FloatArray = np.maximum(self.ends[:, 0] - point.limited, point.limited - self.ends[:, 1]) / self.size
         beyond[~(self.equal | self.unequal)] = -np.inf
         return beyond
@@ -436,12 +436,12 @@ def _augmented(model: Model, expressions: tuple[str, ...]) -> Model:
     """The model with a state for each expression whose rate is its value: the model's own derivatives are those of it.
 
     Raises:
-        ValueError: an expression is none; the message names it.
+        ValueError: an invalid expression; the message names it.
     """
     lines = []
     for place, text in enumerate(expressions):
         if not isinstance(text, str) or not text.strip() or any(sign in text for sign in "\n{}#"):
-            raise ValueError(f"{text!r} is no expression in the model's names")
+            raise ValueError(f"{text!r} is not an expression in the model's names")
         lines.append(f"state {_added(place)} = 0")
         lines.append(f"eq d/dt {_added(place)} = value({text}) / 1 [{model.time_unit}]")
     try:
@@ -450,8 +450,8 @@ def _augmented(model: Model, expressions: tuple[str, ...]) -> Model:
         for found in error.diagnostics:
             line = found.line - _lines(model) - 1
             if found.file == "extra" and 0 <= line < len(lines):
-                told = f"{found.message} ({found.help})" if found.help else found.message
-                raise ValueError(f"{expressions[line // 2]!r}: {told}") from error
+                reason = f"{found.message} ({found.help})" if found.help else found.message
+                raise ValueError(f"{expressions[line // 2]!r}: {reason}") from error
         raise
 
 
@@ -494,10 +494,10 @@ def _lines(model: Model) -> int:
 
 
 def _range(name: str, given: Any) -> tuple[float, float]:
-    """(low, high) of what is given.
+    """(low, high) of an argument.
 
     Raises:
-        ValueError: it is no range.
+        ValueError: not a range.
     """
     if given is None:
         return -np.inf, np.inf
