@@ -1,8 +1,9 @@
 //! Diagnostics as data: what is wrong, where, and what to do about it.
 //!
-//! A [`Diagnostic`] has one *primary* label: if only one thing can be shown, it is the primary message at the primary place.
-//! *Secondary* labels show what the fault conflicts with (the opening bracket, the first declaration). `help` is an instruction to the
-//! author; `notes` are facts. Rendering belongs to the caller; this module knows places and text only.
+//! A [`Diagnostic`] has one *primary* label: if only one thing can be shown, it is the primary
+//! message at the primary place. *Secondary* labels show what the fault conflicts with (the opening
+//! bracket, the first declaration). `help` is an instruction to the author; `notes` are facts.
+//! Rendering belongs to the caller; this module knows places and text only.
 //!
 //! ```
 //! use smpl_dsl::diagnostic::{Diagnostic, codes};
@@ -70,7 +71,8 @@ pub struct Diagnostic {
     pub help: Option<String>,
     /// Further facts.
     pub notes: Vec<String>,
-    /// The invalid name of a request, without a place in the text of a model; a caller that knows the place adds it.
+    /// The invalid name of a request, without a place in the text of a model; a caller that knows
+    /// the place adds it.
     pub asked: Option<String>,
 }
 

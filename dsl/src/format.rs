@@ -1,12 +1,16 @@
 //! The canonical layout of a model's text.
 //!
-//! Statements are on their own lines, indented by two blanks a block; blank lines separate groups, one at a time. Consecutive declarations of one
-//! role are aligned in columns, and so are the two sides of consecutive equations and the cells of a table (by their starts, or where the
-//! author has aligned them by their ends or decimal points; the heads of columns and rows with units where the author has). Comments stay
-//! where they are. A long statement keeps its author's line breaks, with the indentation put right; `*`, `/`, `+` and `-` keep their
-//! author's choice of blanks on both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither form alone does.
+//! Statements are on their own lines, indented by two blanks a block; blank lines separate groups,
+//! one at a time. Consecutive declarations of one role are aligned in columns, and so are the two
+//! sides of consecutive equations and the cells of a table (by their starts, or where the author
+//! has aligned them by their ends or decimal points; the heads of columns and rows with units where
+//! the author has). Comments stay where they are. A long statement keeps its author's line breaks,
+//! with the indentation put right; `*`, `/`, `+` and `-` keep their author's choice of blanks on
+//! both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither form alone
+//! does.
 //!
-//! Only blanks and line ends between tokens change (and `;` between statements), so that the meaning cannot.
+//! Only blanks and line ends between tokens change (and `;` between statements), so that the
+//! meaning cannot.
 
 mod columns;
 mod render;
@@ -55,7 +59,8 @@ struct Formatter<'t> {
 }
 
 impl Formatter<'_> {
-    /// The lines of the statements in a range of the text, with the comments and blank lines between them.
+    /// The lines of the statements in a range of the text, with the comments and blank lines
+    /// between them.
     fn block(&self, statements: &[RawStatement], range: Range<usize>, indent: usize) -> Vec<String> {
         let mut rows: Vec<Row> = Vec::new();
         let mut at = range.start;
@@ -71,7 +76,8 @@ impl Formatter<'_> {
         align(rows)
     }
 
-    /// Comments and blank lines between two statements. A comment on the line of the statement before belongs to that statement.
+    /// Comments and blank lines between two statements. A comment on the line of the statement
+    /// before belongs to that statement.
     fn between(&self, gap: Range<usize>, indent: usize, rows: &mut Vec<Row>) {
         let mut at = gap.start;
         for comment in self.comments(&gap) {
@@ -135,7 +141,8 @@ impl Formatter<'_> {
         (head.len() + inner.len() < WIDTH).then(|| Line::block(head, inner))
     }
 
-    /// Blanks between the keyword and what follows: one, unless the author has aligned the line with the one before or after it.
+    /// Blanks between the keyword and what follows: one, unless the author has aligned the line
+    /// with the one before or after it.
     fn keyword_padding(&self, siblings: &[RawStatement], index: usize) -> usize {
         let Some((keyword, offset)) = self.second_token(&siblings[index]) else { return 1 };
         let neighbours =

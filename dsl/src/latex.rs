@@ -1,7 +1,8 @@
 //! Expressions and equations typeset in LaTeX, from the syntax tree.
 //!
-//! Names become symbols (`c_A` is c with an upright subscript, `mu` the Greek letter), divisions become fractions, sums get their index
-//! below, conditions become cases. The result is for math mode and needs `amsmath`.
+//! Names become symbols (`c_A` is c with an upright subscript, `mu` the Greek letter), divisions
+//! become fractions, sums get their index below, conditions become cases. The result is for math
+//! mode and needs `amsmath`.
 //!
 //! ```
 //! use smpl_dsl::{latex, parse, span::FileId, syntax::StatementKind};
@@ -260,7 +261,8 @@ fn quotient(left: &Expr, right: &Expr) -> (String, Level) {
     }
 }
 
-/// A product; what extends to the right (a sum, an integral, cases) is closed off when something follows.
+/// A product; what extends to the right (a sum, an integral, cases) is closed off when something
+/// follows.
 fn times(left: &Expr, right: &Expr) -> String {
     let open = matches!(left.kind, ExprKind::Reduce { .. });
     let left = if open { parenthesised(&expression(left)) } else { typeset(left, Level::Product) };

@@ -1,12 +1,12 @@
-//! The layout pass: one scan over the text that finds comments, texts and brackets, decides which newlines end a statement and splits
-//! the file into a tree of statements.
+//! The layout pass: one scan over the text that finds comments, texts and brackets, decides which
+//! newlines end a statement and splits the file into a tree of statements.
 //!
-//! The grammar then sees one statement at a time, in a copy of the text where everything without meaning is a blank: comments,
-//! tabs, and the newlines that end nothing. The copy has the length of the original, so that offsets agree. A newline that is left
-//! separates two entries of a block.
+//! The grammar then sees one statement at a time, in a copy of the text where everything without
+//! meaning is a blank: comments, tabs, and the newlines that end nothing. The copy has the length
+//! of the original, so that offsets agree. A newline that is left separates two entries of a block.
 //!
-//! A bracket that is never closed would swallow the rest of the file. It is given up where a line begins the way only a
-//! statement does: with a statement's keyword followed by another word.
+//! A bracket that is never closed would swallow the rest of the file. It is given up where a line
+//! begins the way only a statement does: with a statement's keyword followed by another word.
 
 mod scanner;
 mod words;

@@ -1,4 +1,5 @@
-//! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of measure.
+//! smpl-dsl: the text of a model. Grammar, syntax tree with spans, diagnostics, formatter, units of
+//! measure.
 
 #![warn(unreachable_pub)]
 

@@ -1,7 +1,7 @@
 //! From text to syntax tree: layout, then the grammar, statement by statement.
 //!
-//! A statement that cannot be parsed is reported once and left out; the others are not touched by its fault. So all independent errors
-//! of a file come in one run.
+//! A statement that cannot be parsed is reported once and left out; the others are not touched by
+//! its fault. So all independent errors of a file come in one run.
 
 mod declaration;
 mod expression;
@@ -56,7 +56,8 @@ impl Parsed {
     }
 }
 
-/// Parses the text of one file. Never fails and never panics: what is wrong is in [`Parsed::diagnostics`].
+/// Parses the text of one file. Never fails and never panics: what is wrong is in
+/// [`Parsed::diagnostics`].
 #[must_use]
 pub fn parse(text: &str, file: FileId) -> Parsed {
     let layout = layout(text, file);
@@ -111,7 +112,8 @@ impl<'t> StatementParser<'t> {
         statements
     }
 
-    /// Reads one statement. Its block is read even where its head is invalid, for the faults within.
+    /// Reads one statement. Its block is read even where its head is invalid, for the faults
+    /// within.
     fn statement(&mut self, raw: &RawStatement, into: &mut Vec<Statement>) {
         let text: &'t str = self.text;
         let around = std::mem::replace(&mut self.around, leading_word(&text[raw.start..raw.end]));

@@ -1,16 +1,18 @@
 //! A separate stack for deep recursion.
 //!
-//! Parsing, elaboration and code generation follow the nesting of a text, which has limits; but the thread of a caller may have a stack of
-//! any size, that of Python's `threading.stack_size` or of a small container.
+//! Parsing, elaboration and code generation follow the nesting of a text, which has limits; but the
+//! thread of a caller may have a stack of any size, that of Python's `threading.stack_size` or of a
+//! small container.
 
 use std::sync::{Mutex, PoisonError};
 use std::{panic, thread};
 
-/// Bytes of the stack, of which pages are used only as deep as it gets; less where so much address space is not to be had.
+/// Bytes of the stack, of which pages are used only as deep as it gets; less where so much address
+/// space is not to be had.
 pub(crate) const SIZES: [usize; 3] = [64 << 20, 16 << 20, 4 << 20];
 
-/// Does the work on a thread with a large stack and waits for it; on the caller's own where no thread can be started. A panic goes on in the
-/// caller.
+/// Does the work on a thread with a large stack and waits for it; on the caller's own where no
+/// thread can be started. A panic goes on in the caller.
 pub fn on_own_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let slot = Mutex::new(Some(work));
     let run = || {

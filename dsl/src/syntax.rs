@@ -1,8 +1,8 @@
 //! The syntax tree of an `.eq` file: what was written, nothing resolved, every node with its span.
 //!
-//! A file is a list of [`Statement`]s. Order carries no meaning. Declarations share one shape, [`Declaration`]; equations and
-//! expressions keep units where they were written. Names are not looked up here: `c[i, z]` is a [`ExprKind::Index`]
-//! whatever `c`, `i` and `z` are.
+//! A file is a list of [`Statement`]s. Order carries no meaning. Declarations share one shape,
+//! [`Declaration`]; equations and expressions keep units where they were written. Names are not
+//! looked up here: `c[i, z]` is a [`ExprKind::Index`] whatever `c`, `i` and `z` are.
 
 mod visit;
 
@@ -74,7 +74,8 @@ pub enum StatementKind {
     Port { names: Vec<Ident>, connector: Ident },
     /// `use TubularReactor as R1(V = 2 [mL])`, `use Column as col[k in 1..2](...)`
     Instance { component: Ident, name: Ident, indices: Vec<Binder>, arguments: Vec<(Ident, Expr)> },
-    /// `connect M1.outlet -> R1.inlet` (a chain of two or more), `connect s[k].out -> s[k+1].in for k in 1..9`
+    /// `connect M1.outlet -> R1.inlet` (a chain of two or more), `connect s[k].out -> s[k+1].in for
+    /// k in 1..9`
     Connect { chain: Vec<Expr>, binders: Vec<Binder> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
@@ -82,7 +83,8 @@ pub enum StatementKind {
     StartEquation { lhs: Expr, rhs: Expr, free: Vec<Expr>, binders: Vec<Binder> },
     /// `initial steady for (T, c)`: rates that are zero at the start
     StartSteady { targets: Vec<Expr> },
-    /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`, `steady { p = 8.5 [bar], free Q }`
+    /// `steady { T_c = 26.85 [degC], h = 0.659 [m], A + B = 1 }`, `steady { p = 8.5 [bar], free Q
+    /// }`
     Steady { entries: Vec<(Expr, Expr)>, free: Vec<Expr> },
     /// `observe c_A, T` or `observe pH = -log10(H) in 0..16`
     Observe { items: Vec<Observation> },
@@ -134,7 +136,8 @@ pub enum StatementKind {
 pub enum TestStep {
     /// `start nominal`
     Start(Ident),
-    /// `scenario legacy`, `level online`, `variant NAME`, `variant NAME = OPTION`: what the model is compiled with
+    /// `scenario legacy`, `level online`, `variant NAME`, `variant NAME = OPTION`: what the model
+    /// is compiled with
     Choose { word: Ident, name: Ident, option: Option<Ident> },
     /// `policy profile`
     Policy(Ident),
@@ -259,7 +262,8 @@ pub enum BinderSet {
 /// `table ...`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Table {
-    /// Form `table M[species] : g/mol = {...}`: one entry. Form `table over species { columns: ... }`: one a column.
+    /// Form `table M[species] : g/mol = {...}`: one entry. Form `table over species { columns: ...
+    /// }`: one a column.
     pub columns: Vec<TableColumn>,
     /// The index sets.
     pub indices: Vec<Ident>,
@@ -462,7 +466,8 @@ pub enum ExprKind {
     Index(Box<Expr>, Vec<Expr>),
     /// `exp(x)`, `steady(x)`, `div(J)`
     Call { function: Ident, arguments: Vec<Expr> },
-    /// `sum(e for i in set, j in other if condition)`; function is sum, product, min, max, mean, any, all
+    /// `sum(e for i in set, j in other if condition)`; function is sum, product, min, max, mean,
+    /// any, all
     Reduce { function: Ident, body: Box<Expr>, binders: Vec<Binder>, condition: Option<Box<Expr>> },
     /// `d/dt x` or `der(x)`
     Derivative(Box<Expr>),

@@ -1,9 +1,12 @@
-//! Units of measure as data: dimensions, exact scales, the table of symbols, and what a [`UnitExpr`] means.
+//! Units of measure as data: dimensions, exact scales, the table of symbols, and what a
+//! [`UnitExpr`] means.
 //!
-//! A [`Unit`] is a dimension, the size of one unit in SI base units, and the factors as written, for messages. Scales are exact
-//! rationals wherever they can be, so that `1 [L]` in `m^3` is exactly `0.001` and equal units convert by exactly 1.
+//! A [`Unit`] is a dimension, the size of one unit in SI base units, and the factors as written,
+//! for messages. Scales are exact rationals wherever they can be, so that `1 [L]` in `m^3` is
+//! exactly `0.001` and equal units convert by exactly 1.
 //!
-//! `degC` and `degF` alone are *points* on a scale; within a product they stand for differences (`W/(m^2 degC)`).
+//! `degC` and `degF` alone are *points* on a scale; within a product they stand for differences
+//! (`W/(m^2 degC)`).
 //!
 //! ```
 //! use smpl_dsl::units::Unit;

@@ -1,4 +1,5 @@
-//! The words of the language: one list for the layout, the formatter, the parser and for those who write texts.
+//! The words of the language: one list for the layout, the formatter, the parser and for those who
+//! write texts.
 
 /// First words of statements, and how each is formed, by an example for messages.
 const STATEMENTS: &[(&str, Option<&str>)] = &[
@@ -63,7 +64,8 @@ pub fn form(keyword: &str) -> Option<&'static str> {
 /// Words that cannot be names.
 const RESERVED: &[&str] = &["if", "then", "else", "and", "or", "not", "for", "in", "as", "true", "false"];
 
-/// Words that may follow a name inside a statement, so that a keyword before them is an ordinary name.
+/// Words that may follow a name inside a statement, so that a keyword before them is an ordinary
+/// name.
 pub(crate) const CLAUSES: &[&str] = &[
     "if",
     "then",
@@ -100,8 +102,9 @@ pub fn is_reserved(word: &str) -> bool {
 /// Words that mean something in one place only.
 const INSIDE: &[&str] = &["from", "linear", "cubic", "outside", "bounds", "dt"];
 
-/// Returns `true` if the word has its own meaning somewhere in the language. A name may be one where it is not a reserved word, but a writer of
-/// texts does better without. What is built in is not among them.
+/// Returns `true` if the word has its own meaning somewhere in the language. A name may be one
+/// where it is not a reserved word, but a writer of texts does better without. What is built in is
+/// not among them.
 #[must_use]
 pub fn is_word(name: &str) -> bool {
     keywords().any(|word| word == name) || [RESERVED, CLAUSES, INSIDE].iter().any(|list| list.contains(&name))
@@ -109,7 +112,8 @@ pub fn is_word(name: &str) -> bool {
 
 /// Length of the name, keyword or unit symbol that a text begins with; otherwise zero.
 ///
-/// A degree sign begins a unit, and a percent sign ends one: `mol%` is its own unit, and a blank in between makes it another.
+/// A degree sign begins a unit, and a percent sign ends one: `mol%` is its own unit, and a blank in
+/// between makes it another.
 #[must_use]
 pub fn word(text: &str) -> usize {
     let first = text.chars().next().unwrap_or(' ');

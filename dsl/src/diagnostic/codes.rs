@@ -1,7 +1,8 @@
 //! The registry of diagnostic codes: identifier and one line of explanation, in one table.
 //!
-//! `E01xx` text and syntax, `E02xx` names, `E03xx` units, `E04xx` shapes and indices, `E05xx` structure of the equations, `E06xx` the control
-//! problem, `E07xx` scenarios and data. Warnings begin with `W`. An identifier, once released, keeps its meaning.
+//! `E01xx` text and syntax, `E02xx` names, `E03xx` units, `E04xx` shapes and indices, `E05xx`
+//! structure of the equations, `E06xx` the control problem, `E07xx` scenarios and data. Warnings
+//! begin with `W`. An identifier, once released, keeps its meaning.
 
 use std::fmt;
 

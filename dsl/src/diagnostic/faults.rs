@@ -5,7 +5,8 @@ use super::{Diagnostic, Severity, codes};
 /// Most diagnostics that are shown of one compilation; the rest is counted.
 pub const SHOWN: usize = 50;
 
-/// Most diagnostics that are kept with their text, so that those shown are the first ones in the order of the text.
+/// Most diagnostics that are kept with their text, so that those shown are the first ones in the
+/// order of the text.
 const KEPT: usize = 1000;
 
 /// Longer messages are cut in the middle.
@@ -84,7 +85,8 @@ impl Faults {
         self.kept.truncate(len);
     }
 
-    /// Keeps all of the first `len`, and of the others those that a test accepts; what is only counted stays.
+    /// Keeps all of the first `len`, and of the others those that a test accepts; what is only
+    /// counted stays.
     pub fn retain_after(&mut self, len: usize, mut accept: impl FnMut(&Diagnostic) -> bool) {
         let mut at = 0;
         self.kept.retain(|diagnostic| {

@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 
-/// The text with everything in it that a terminal would interpret: control characters as their pictures (`␛` for escape),
-/// those without one, and marks that turn the direction of writing, as `�`. Newlines and tabs stay. As many characters as before.
+/// The text with everything in it that a terminal would interpret: control characters as their
+/// pictures (`␛` for escape), those without one, and marks that turn the direction of writing, as
+/// `�`. Newlines and tabs stay. As many characters as before.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     if text.contains(is_obeyed) { Cow::Owned(text.chars().map(shown).collect()) } else { Cow::Borrowed(text) }
@@ -38,7 +39,8 @@ mod tests {
 
     #[test]
     fn a_sequence_for_the_terminal_is_shown_as_text() {
-        // Sets the title of the window, turns the text red, and the same with the one-character introducer.
+        // Sets the title of the window, turns the text red, and the same with the one-character
+        // introducer.
         assert_eq!(printable("\x1b]0;title\x07 \x1b[31m \u{9b}31m\x7f"), "\u{241b}]0;title\u{2407} \u{241b}[31m \u{fffd}31m\u{2421}");
     }
 

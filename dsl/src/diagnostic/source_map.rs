@@ -28,7 +28,8 @@ impl SourceFile {
         &self.text
     }
 
-    /// Line and column of a byte, both counted from 1, the column in characters. Beyond the end: the end.
+    /// Line and column of a byte, both counted from 1, the column in characters. Beyond the end:
+    /// the end.
     #[must_use]
     pub(crate) fn line_column(&self, byte: usize) -> (usize, usize) {
         let byte = self.text.floor_char_boundary(byte);
@@ -38,7 +39,8 @@ impl SourceFile {
     }
 }
 
-/// A place as people count: lines and columns from 1, columns in characters; the end is one past the last character.
+/// A place as people count: lines and columns from 1, columns in characters; the end is one past
+/// the last character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     /// Line of the first character.

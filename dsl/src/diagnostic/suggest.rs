@@ -1,7 +1,8 @@
 //! "Did you mean": the nearest known name by edit distance.
 
-/// The candidate nearest to `name`, if one is near enough to be what was intended (a third of its length, at least one edit;
-/// a difference of case or of underscores alone always is). Names of one or two letters are matched only so, or where a letter was doubled.
+/// The candidate nearest to `name`, if one is near enough to be what was intended (a third of its
+/// length, at least one edit; a difference of case or of underscores alone always is). Names of one
+/// or two letters are matched only so, or where a letter was doubled.
 #[must_use]
 pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = name.chars().count();
@@ -40,7 +41,8 @@ fn folded(name: &str) -> impl Iterator<Item = char> + '_ {
     name.chars().filter(|c| *c != '_').flat_map(char::to_lowercase)
 }
 
-/// Edits (insert, delete, replace, swap neighbours) between two words. Words that are longer than any name are as far as they are long.
+/// Edits (insert, delete, replace, swap neighbours) between two words. Words that are longer than
+/// any name are as far as they are long.
 fn distance(a: &str, b: &str) -> usize {
     let (letters, others) = (a.chars().count(), b.chars().count());
     let longest = letters.max(others);

@@ -236,7 +236,8 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
     Cell { slot, text: render::inline(tokens), gaps }
 }
 
-/// Returns `true` if something that a clause may follow ends here: behind an operator its word is a name.
+/// Returns `true` if something that a clause may follow ends here: behind an operator its word is a
+/// name.
 fn ends_operand(token: &Token<'_>) -> bool {
     matches!(token.kind, Kind::Word | Kind::Number | Kind::Text) || matches!(token.text, ")" | "]" | "}")
 }

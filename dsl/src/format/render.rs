@@ -84,12 +84,14 @@ impl Writer {
         }
     }
 
-    /// Returns `true` if a token begins the describing text or the clause `for` of the whole statement, behind its continued lines.
+    /// Returns `true` if a token begins the describing text or the clause `for` of the whole
+    /// statement, behind its continued lines.
     fn ends_statement(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
         self.open.is_empty() && (token.kind == Kind::Text && previous.text != "named" || token.kind == Kind::Word && token.text == "for")
     }
 
-    /// Returns `true` if a line ends inside the braces of entries that are on several lines: behind `{` and before `}`.
+    /// Returns `true` if a line ends inside the braces of entries that are on several lines: behind
+    /// `{` and before `}`.
     fn opens_up(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
         let symbol = |token: &Token<'_>, text| token.kind == Kind::Symbol && token.text == text;
         self.entries
@@ -167,7 +169,8 @@ impl Writer {
         indent
     }
 
-    /// A continued line is behind the `=`, unless that is far to the right or the line is a separate clause.
+    /// A continued line is behind the `=`, unless that is far to the right or the line is a
+    /// separate clause.
     fn continuation(&self, indent: usize, token: &Token<'_>) -> usize {
         let clause = token.kind == Kind::Text || token.text == "for";
         self.assigned.filter(|column| !clause && *column <= 40).unwrap_or(indent + 2 * INDENT)

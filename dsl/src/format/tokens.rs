@@ -87,7 +87,8 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
     }
 }
 
-/// Returns `true` if an operand must follow the token; a word that may be a name or a keyword does where the author wrote `at -1`.
+/// Returns `true` if an operand must follow the token; a word that may be a name or a keyword does
+/// where the author wrote `at -1`.
 fn opens_expression(token: &Token<'_>, attached: bool) -> bool {
     match token.kind {
         Kind::Word if BEFORE_EXPRESSION.contains(&token.text) => attached,

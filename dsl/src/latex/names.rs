@@ -6,7 +6,8 @@ const GREEK: &[&str] = &[
     "sigma", "tau", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi", "Omega",
 ];
 
-/// A name as a symbol: `c_A` is `c_{\mathrm{A}}`, `mu` is `\mu`, `rate` is upright, `q5` is `q_{5}`.
+/// A name as a symbol: `c_A` is `c_{\mathrm{A}}`, `mu` is `\mu`, `rate` is upright, `q5` is
+/// `q_{5}`.
 #[must_use]
 pub fn name(text: &str) -> String {
     subscripted(text, &[])

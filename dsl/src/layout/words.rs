@@ -21,7 +21,8 @@ pub(super) fn continues_statement(line: &str) -> bool {
     }
 }
 
-/// Returns `true` if a line begins as only a statement does: a keyword, then another word, a block or a path.
+/// Returns `true` if a line begins as only a statement does: a keyword, then another word, a block
+/// or a path.
 pub(super) fn begins_statement(line: &str) -> bool {
     let keyword = leading_word(line);
     if keywords().all(|word| word != keyword) {

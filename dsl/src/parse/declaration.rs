@@ -6,7 +6,8 @@ use super::{Children, Context, Fallible, Rule, expression, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Binder, Clip, Declaration, Expr, Ident};
 
-/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s nonnegative "text"`
+/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s nonnegative
+/// "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);

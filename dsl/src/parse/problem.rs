@@ -1,4 +1,5 @@
-//! Statements of the control problem: what is set, seen, wanted and forbidden, and what happens at sampling instants.
+//! Statements of the control problem: what is set, seen, wanted and forbidden, and what happens at
+//! sampling instants.
 
 use pest::iterators::Pair;
 
@@ -64,7 +65,8 @@ fn initial(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statem
     Ok(StatementKind::Initial { target, random, value, clip, binders: expression::for_clause(context, &mut children)? })
 }
 
-/// `steady for (T, c)`; a loop over the places is not needed, since a name stands for the whole array.
+/// `steady for (T, c)`; a loop over the places is not needed, since a name stands for the whole
+/// array.
 fn start_steady(context: &Context<'_>, mut steady: Children<'_>, rest: &mut Children<'_>) -> Fallible<StatementKind> {
     steady.skip(Rule::kw_steady);
     steady.skip(Rule::kw_for);
@@ -95,7 +97,8 @@ fn start_places(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<Exp
     pair.into_inner().filter(|part| part.as_rule() == Rule::place).map(|part| expression::place(context, part)).collect()
 }
 
-/// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`; `free Q, u` names actions that are found.
+/// Each side of an entry is an expression: `h = 0.7`, `A + B = 1`; `free Q, u` names actions that
+/// are found.
 fn steady(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
     let (mut entries, mut free) = (Vec::new(), Vec::new());
     let mut is_free = false;
@@ -214,7 +217,8 @@ fn observations(context: &Context<'_>, children: Children<'_>) -> Fallible<Vec<O
     Ok(items)
 }
 
-/// In `observe c[i, z] for i in species, z` the last `z` is an index of the observation before it, since that one mentions it as such.
+/// In `observe c[i, z] for i in species, z` the last `z` is an index of the observation before it,
+/// since that one mentions it as such.
 fn binder_of(previous: &Observation, item: &Observation) -> Option<Binder> {
     let ExprKind::Name(name) = &item.value.kind else { return None };
     let bare = item.name.is_none() && item.unit.is_none() && item.text.is_none();

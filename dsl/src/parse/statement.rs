@@ -1,4 +1,5 @@
-//! Statements: which rule of the grammar reads which keyword, and the kinds that describe the process.
+//! Statements: which rule of the grammar reads which keyword, and the kinds that describe the
+//! process.
 //!
 //! The control problem is in `problem`, tables are in `table`.
 

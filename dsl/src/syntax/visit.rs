@@ -5,8 +5,8 @@ use std::mem::{Discriminant, discriminant};
 use super::{BinaryOp, Binder, BinderSet, Expr, ExprKind, UnaryOp, UnitBase, UnitExpr};
 
 impl Expr {
-    /// The expressions directly inside of this one: operands, indices, arguments, conditions, what binders run over, and the `x` of
-    /// `unit(x)`.
+    /// The expressions directly inside of this one: operands, indices, arguments, conditions, what
+    /// binders run over, and the `x` of `unit(x)`.
     #[must_use]
     pub fn children(&self) -> Vec<&Expr> {
         match &self.kind {
@@ -66,14 +66,16 @@ impl UnitExpr {
 
 /// Expressions without their places: two are equal if they have the same words.
 ///
-/// Names that binders give to their indices do not count: `sum(v[i] for i in s)` equals `sum(v[j] for j in s)`. Units, ranges and
-/// conditions do, as they are written: `1 [m]` differs from `100 [cm]`, and `a + b` from `b + a`.
+/// Names that binders give to their indices do not count: `sum(v[i] for i in s)` equals `sum(v[j]
+/// for j in s)`. Units, ranges and conditions do, as they are written: `1 [m]` differs from `100
+/// [cm]`, and `a + b` from `b + a`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Form<'e> {
     words: Vec<Word<'e>>,
 }
 
-/// A part of a [`Form`]. Every word that opens something says how much follows, so that lists of words are equal only where trees are.
+/// A part of a [`Form`]. Every word that opens something says how much follows, so that lists of
+/// words are equal only where trees are.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Word<'e> {
     Kind(Discriminant<ExprKind>, usize),

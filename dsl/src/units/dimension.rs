@@ -18,8 +18,8 @@ pub const BASES: [(&str, &str); 9] = [
     ("units", "unit"),
 ];
 
-/// The dimension of a quantity: a product of powers of the base quantities, in the order of [`BASES`], and of the dimensions that a
-/// model declares by `unit NAME`.
+/// The dimension of a quantity: a product of powers of the base quantities, in the order of
+/// [`BASES`], and of the dimensions that a model declares by `unit NAME`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Dimension {
     exponents: [Rational; BASES.len()],

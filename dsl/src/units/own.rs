@@ -18,7 +18,8 @@ type Declared<'a> = (&'a Ident, Option<&'a Expr>);
 impl OwnUnits {
     /// The units that statements declare, in any order, and the faults of their declarations.
     ///
-    /// A second declaration of one name is a fault, and so is the symbol of a built-in unit, prefixes included.
+    /// A second declaration of one name is a fault, and so is the symbol of a built-in unit,
+    /// prefixes included.
     pub fn declared<'a>(statements: impl IntoIterator<Item = &'a StatementKind>) -> (Self, Vec<Diagnostic>) {
         let (mut own, mut faults, mut waiting) = (Self::default(), Vec::new(), Vec::<Declared<'a>>::new());
         for kind in statements {

@@ -29,7 +29,8 @@ impl Rational {
         Self { numerator: value as i128, denominator: 1 }
     }
 
-    /// A finite decimal, exactly as its shortest text says (`0.1` is 1/10); `None` where it does not fit.
+    /// A finite decimal, exactly as its shortest text says (`0.1` is 1/10); `None` where it does
+    /// not fit.
     #[must_use]
     pub(crate) fn from_decimal(value: f64) -> Option<Self> {
         let text = format!("{value:e}");
@@ -121,7 +122,8 @@ impl fmt::Display for Rational {
     }
 }
 
-/// Greatest common divisor, positive; `None` where the denominator is zero or a sign cannot be turned.
+/// Greatest common divisor, positive; `None` where the denominator is zero or a sign cannot be
+/// turned.
 fn gcd(numerator: i128, denominator: i128) -> Option<i128> {
     if denominator == 0 || numerator == i128::MIN || denominator == i128::MIN {
         return None;

@@ -9,11 +9,12 @@ use crate::diagnostic::{Diagnostic, codes, did_you_mean, suggest};
 use crate::span::Span;
 use crate::syntax::{Expr, Ident, UnitBase, UnitExpr, UnitFactor};
 
-/// The unit that an expression of units stands for, as one that is in the text. `own` are the units that the model declares; `unit_of`
-/// gives the unit of differences of the expression in `unit(x)`.
+/// The unit that an expression of units stands for, as one that is in the text. `own` are the units
+/// that the model declares; `unit_of` gives the unit of differences of the expression in `unit(x)`.
 ///
 /// # Errors
-/// A symbol that is not in the table (with the one probably intended), or exponents and factors beyond what can be represented.
+/// A symbol that is not in the table (with the one probably intended), or exponents and factors
+/// beyond what can be represented.
 pub fn resolve(written: &UnitExpr, own: &OwnUnits, unit_of: &mut dyn FnMut(&Expr) -> Result<Unit, Diagnostic>) -> Result<Unit, Diagnostic> {
     if let [UnitFactor { base: UnitBase::Symbol(symbol), exponent: (1, 1) }] = written.factors.as_slice() {
         return named(symbol, own);

@@ -2,7 +2,8 @@
 
 use super::Rational;
 
-/// A positive factor: exact where it can be, a double otherwise (`deg`, or a root of an inexact power).
+/// A positive factor: exact where it can be, a double otherwise (`deg`, or a root of an inexact
+/// power).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     exact: Option<Rational>,

@@ -75,7 +75,8 @@ pub fn prefixes() -> &'static [Prefix] {
     PREFIXES
 }
 
-/// The unit and prefix that a symbol stands for. A unit without prefix comes first: `min` is the minute, `cd` the candela.
+/// The unit and prefix that a symbol stands for. A unit without prefix comes first: `min` is the
+/// minute, `cd` the candela.
 pub(super) fn find(symbol: &str) -> Option<(Option<Prefix>, Symbol)> {
     if let Some(unit) = SYMBOLS.iter().find(|unit| unit.symbol == symbol) {
         return Some((None, *unit));
@@ -189,7 +190,8 @@ const fn point(unit: Symbol, zero: (i64, i64)) -> Symbol {
     Symbol { zero: Some(zero), ..unit }
 }
 
-/// Mol in a normal cubic metre: 101325 Pa over R times 273.15 K, with the molar gas constant R of the SI (CODATA 2018, exact).
+/// Mol in a normal cubic metre: 101325 Pa over R times 273.15 K, with the molar gas constant R of
+/// the SI (CODATA 2018, exact).
 const NORMAL_CUBIC_METRE: f64 = 101_325.0 / (8.314_462_618_153_24 * 273.15);
 
 #[rustfmt::skip]

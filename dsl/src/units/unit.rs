@@ -31,7 +31,8 @@ struct Meaning {
     factors: Vec<Factor>,
     /// True if it is in a text, and did not come about by arithmetic.
     written: bool,
-    /// True if its temperature is known to be a difference of two points on a scale, which no other scale can show as a point.
+    /// True if its temperature is known to be a difference of two points on a scale, which no other
+    /// scale can show as a point.
     between_points: bool,
 }
 
@@ -83,7 +84,8 @@ impl Unit {
         if self.0.written { self.clone() } else { Self(Arc::new(Meaning { written: true, ..(*self.0).clone() })) }
     }
 
-    /// Returns `true` if numbers in this unit count something without a name: arithmetic made it, of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
+    /// Returns `true` if numbers in this unit count something without a name: arithmetic made it,
+    /// of units of one dimension in several sizes (`min/h`, `L/m`, `% kg`).
     #[must_use]
     pub fn is_unnamed(&self) -> bool {
         let factors = &self.0.factors;
@@ -233,7 +235,8 @@ impl Unit {
         memo::binary(memo::Operation::Divide, self, other, || self.product(&other.power(Rational::integer(-1))?))
     }
 
-    /// The same unit by the name of a derived one, with its prefix, where there is one: `kW` for `kJ/s`.
+    /// The same unit by the name of a derived one, with its prefix, where there is one: `kW` for
+    /// `kJ/s`.
     #[must_use]
     pub fn simplest(&self) -> Self {
         let symbols =
@@ -265,14 +268,15 @@ impl Unit {
         Some(Self::made(dimension, scale, factors)?.between_points(known))
     }
 
-    /// By what a number (a difference, for points) in this unit is multiplied to give the number in `other`; exactly 1 for equal units, `None` for
-    /// incommensurable ones.
+    /// By what a number (a difference, for points) in this unit is multiplied to give the number in
+    /// `other`; exactly 1 for equal units, `None` for incommensurable ones.
     #[must_use]
     pub fn factor_to(&self, other: &Self) -> Option<f64> {
         self.commensurable(other).then(|| self.0.scale.divide(other.0.scale).value())
     }
 
-    /// From numbers in this unit to numbers in `other`, between temperature scales with the offset. A linear unit of temperature counts from absolute zero.
+    /// From numbers in this unit to numbers in `other`, between temperature scales with the offset.
+    /// A linear unit of temperature counts from absolute zero.
     #[must_use]
     pub fn conversion_to(&self, other: &Self) -> Option<Conversion> {
         if self.is_same(other) {

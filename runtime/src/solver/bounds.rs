@@ -45,7 +45,8 @@ impl Bounds {
         free.iter().copied().filter(|&at| excess(at) > 0.0).max_by(|&a, &b| relative(a).total_cmp(&relative(b)))
     }
 
-    /// Moves the unknowns of `free` that are outside to their bounds and returns whether there were any.
+    /// Moves the unknowns of `free` that are outside to their bounds and returns whether there were
+    /// any.
     pub(crate) fn clip(&self, free: &[usize], y: &mut [f64]) -> bool {
         let mut clipped = false;
         for &at in free {
@@ -58,7 +59,8 @@ impl Bounds {
         clipped
     }
 
-    /// The largest damping, at most one, that leads no unknown further than `part` of its way to a bound.
+    /// The largest damping, at most one, that leads no unknown further than `part` of its way to a
+    /// bound.
     pub(crate) fn reach(&self, free: &[usize], y: &[f64], step: &[f64], part: f64) -> f64 {
         let way = |(&d, &at): (&f64, &usize)| {
             let room = if d < 0.0 { y[at] - self.low[at] } else { self.high[at] - y[at] };
@@ -81,7 +83,8 @@ impl Bounds {
         }
     }
 
-    /// The distance of two points in ranges, or scales where bounds are open: the largest over `free`.
+    /// The distance of two points in ranges, or scales where bounds are open: the largest over
+    /// `free`.
     pub(crate) fn distance(&self, free: &[usize], a: &[f64], b: &[f64]) -> f64 {
         let one = |&at: &usize| (a[at] - b[at]).abs() / (self.slack[at] / BOX_SLACK).max(f64::MIN_POSITIVE);
         let bound = |at: &&usize| self.low[**at].is_finite() || self.high[**at].is_finite();

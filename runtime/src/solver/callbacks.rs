@@ -1,8 +1,8 @@
 //! Callbacks of IDA: the system's functions, the error weights, the linear solver and the message
 //! handler.
 //!
-//! All of them find their data in one [`Bridge`], whose address IDA holds as user data. No panic leaves a callback (it
-//! would end the process); it is caught, noted and returned as a failure.
+//! All of them find their data in one [`Bridge`], whose address IDA holds as user data. No panic
+//! leaves a callback (it would end the process); it is caught, noted and returned as a failure.
 
 mod entry;
 mod history;
@@ -159,7 +159,8 @@ impl Bridge {
     /// The system is taken back before the borrow ends.
     pub(crate) unsafe fn lend(&mut self, system: &mut dyn System) {
         let system: NonNull<dyn System + '_> = NonNull::from(system);
-        // SAFETY: only the lifetime changes; by the contract no code has the pointer when the borrow ends.
+        // SAFETY: only the lifetime changes; by the contract no code has the pointer when the
+        // borrow ends.
         self.lender.system = Some(unsafe { std::mem::transmute::<NonNull<dyn System + '_>, NonNull<dyn System>>(system) });
     }
 
@@ -325,8 +326,8 @@ impl Bridge {
         done
     }
 
-    /// Looks at the root functions at the end of the step that was just accepted, and inside of it; whether a condition has become true. IDA keeps y' in
-    /// its history.
+    /// Looks at the root functions at the end of the step that was just accepted, and inside of it;
+    /// whether a condition has become true. IDA keeps y' in its history.
     pub(super) fn has_passed_in_step(&mut self, t: f64, y: &[f64]) -> Result<bool, c_int> {
         if self.watch.is_empty() {
             return Ok(false);
@@ -384,7 +385,8 @@ impl Bridge {
         looks_into(&mut Within { bridge: self, history }, (from, t), (open, Closely::No))
     }
 
-    /// Returns whether an integration begins where nothing can happen, see [`Safe::begin`](super::safe::Safe::begin).
+    /// Returns whether an integration begins where nothing can happen, see
+    /// [`Safe::begin`](super::safe::Safe::begin).
     pub(super) fn begins_safely(&mut self, y: &[f64]) -> Result<bool, c_int> {
         let Some(mut history) = self.history.take() else { return Ok(false) };
         let taken = self.guarded(|system| history.safe.take_inputs(system));
@@ -493,8 +495,8 @@ impl Bridge {
         }
     }
 
-    /// Looks at the step that was just accepted; an error when the steps have become too small to get anywhere, or an
-    /// event lies in the step.
+    /// Looks at the step that was just accepted; an error when the steps have become too small to
+    /// get anywhere, or an event lies in the step.
     fn step_accepted(&mut self, y: &[f64]) -> Result<(), c_int> {
         let (step, time) = self.memory.as_ref().map_or((0.0, 0.0), |memory| (memory.last_step(), memory.current_time()));
         if step > 0.0 {
@@ -557,7 +559,8 @@ mod tests {
     use super::super::{LinearSolver, Pattern};
     use super::*;
 
-    /// A bridge whose matrix has no values: to factorise it panics, and so does a solve with a vector that is too short.
+    /// A bridge whose matrix has no values: to factorise it panics, and so does a solve with a
+    /// vector that is too short.
     fn bridge() -> Bridge {
         let operations = Operations::detect();
         let factorisation = Factorisation::new(&Pattern::full(2), LinearSolver::Dense).expect("a factorisation");

@@ -2,14 +2,17 @@
 
 use super::{Ida, Integrator, Method, OneStep, Settings, SolveError, System};
 
-/// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation: beyond, where that is a large part of a step, IDA takes less time
-/// for the same error (`examples/methods.rs`).
+/// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation:
+/// beyond, where that is a large part of a step, IDA takes less time for the same error
+/// (`examples/methods.rs`).
 const SMALL: usize = 200;
 
-/// An integrator for systems of this one's dimension, pattern and counts, by the method of the settings.
+/// An integrator for systems of this one's dimension, pattern and counts, by the method of the
+/// settings.
 ///
 /// # Errors
-/// A setting out of range, a pattern that does not fit, a system that the method does not take, or SUNDIALS out of memory.
+/// A setting out of range, a pattern that does not fit, a system that the method does not take, or
+/// SUNDIALS out of memory.
 pub fn integrator(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
     Ok(match settings.method {
         Method::Ida => Box::new(Ida::new(system, settings)?),

@@ -3,10 +3,12 @@
 //!
 //! With y the differential and z the algebraic unknowns of y' = f(t, y, z), 0 = g(t, y, z):
 //!
-//! * z by Newton's method on g alone, damped by the natural monotonicity test (Deuflhard, *Newton Methods for Nonlinear
-//!   Problems*, 2004, section 3.3);
-//! * y' = f, and z' from g_z z' = −(g_t + g_y y'), so that IDA's first prediction is right to first order in z too;
-//! * y'' = f_t + f_y y' + f_z z', which gives the local error of a first step of order one, h² y''/2, beforehand.
+//! * z by Newton's method on g alone, damped by the natural monotonicity test (Deuflhard, *Newton
+//!   Methods for Nonlinear Problems*, 2004, section 3.3);
+//! * y' = f, and z' from g_z z' = −(g_t + g_y y'), so that IDA's first prediction is right to first
+//!   order in z too;
+//! * y'' = f_t + f_y y' + f_z z', which gives the local error of a first step of order one, h²
+//!   y''/2, beforehand.
 
 mod inside;
 
@@ -28,29 +30,35 @@ const LAST_CORRECTION: f64 = 1e-3;
 const ROUNDING: f64 = 100.0 * f64::EPSILON;
 const MOST_ROUNDING: f64 = 0.1;
 
-/// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that the next one may be: then they are as good as new.
+/// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that
+/// the next one may be: then they are as good as new.
 const SMALL_CORRECTION: f64 = 1.0;
 const CONTRACTION: f64 = 0.25;
 
 /// Remaining correction at the end of an advance, in tolerances.
 const FINAL_CORRECTION: f64 = 1e-6;
 
-/// A correction that is nothing though the factors were wrong by a million times; also what rounding leaves.
+/// A correction that is nothing though the factors were wrong by a million times; also what
+/// rounding leaves.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where z is very negative.
+/// Smallest fraction of a Newton correction that is tried: exp(z) = x asks for one of exp(z) where
+/// z is very negative.
 const MIN_DAMPING: f64 = 1e-15;
 
-/// A first step is looked at before it is taken if it is longer than this part of what it may be at most.
+/// A first step is looked at before it is taken if it is longer than this part of what it may be at
+/// most.
 const LONG: f64 = 0.25;
 
 /// Unknowns that move by fewer tolerances than this in a first step are at rest.
 const AT_REST: f64 = 1e-3;
 
-/// Parts of a first step at which the rates are looked at; no simple fractions, since a period might be one.
+/// Parts of a first step at which the rates are looked at; no simple fractions, since a period
+/// might be one.
 const LOOKS: [f64; 8] = [0.031, 0.107, 0.229, 0.353, 0.491, 0.617, 0.773, 0.911];
 
-/// A solution that moves by more than this part of a range from inside of the bounds to outside of them is another branch.
+/// A solution that moves by more than this part of a range from inside of the bounds to outside of
+/// them is another branch.
 pub(crate) const JUMP: f64 = 0.1;
 
 /// Reason why no consistent state was found.
@@ -61,7 +69,8 @@ pub(crate) enum Inconsistent {
     Singular(Option<usize>),
     /// Newton's method did not converge.
     Diverged { iterations: u32, correction: f64, unknown: Option<usize> },
-    /// The solution has jumped out of the declared bounds of this unknown, and none inside was found.
+    /// The solution has jumped out of the declared bounds of this unknown, and none inside was
+    /// found.
     Outside { unknown: Option<usize> },
 }
 
@@ -87,7 +96,8 @@ pub(crate) struct End<'a> {
     pub last: bool,
 }
 
-/// Space for the computations above, all of which go through most of it: a list of vectors rather than parts that hold together.
+/// Space for the computations above, all of which go through most of it: a list of vectors rather
+/// than parts that hold together.
 pub(crate) struct Consistent {
     /// The algebraic unknowns.
     algebraic: Box<[usize]>,
@@ -104,14 +114,16 @@ pub(crate) struct Consistent {
     work: Vector,
     residual: Vector,
     weights: Vector,
-    /// The weights where a Newton step begins: a step is judged by one measure, also where it makes unknowns small.
+    /// The weights where a Newton step begins: a step is judged by one measure, also where it makes
+    /// unknowns small.
     reference: Vector,
     /// Newton correction with zeros in the differential unknowns.
     spread: Vector,
     start: Box<[f64]>,
     /// Bounds of the algebraic unknowns, where there are any.
     inside: Option<inside::Inside>,
-    /// All rows have been finite; until then, rows of states need not be: a rate is 1/x, and the guess of x is 0.
+    /// All rows have been finite; until then, rows of states need not be: a rate is 1/x, and the
+    /// guess of x is 0.
     whole: bool,
 }
 
@@ -172,7 +184,8 @@ impl Consistent {
         }
     }
 
-    /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
+    /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`,
+    /// the others to zero.
     pub(super) fn initialise(&mut self, bridge: &mut Bridge, t: f64, y: &mut Vector, yp: &mut Vector) -> Result<(), Inconsistent> {
         yp.entries_mut().fill(0.0);
         self.whole = false;
@@ -194,9 +207,11 @@ impl Consistent {
         Ok(())
     }
 
-    /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the factors of the last g_z, and writes the residual there to
-    /// `rates`; `off` is that before. False where the corrections do not fall as they would by the present g_z: nothing of `y` counts then.
-    /// Where an advance ends, hardly anything is left; within it, what is below the last correction of Newton's method.
+    /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the
+    /// factors of the last g_z, and writes the residual there to `rates`; `off` is that before.
+    /// False where the corrections do not fall as they would by the present g_z: nothing of `y`
+    /// counts then. Where an advance ends, hardly anything is left; within it, what is below the
+    /// last correction of Newton's method.
     pub(super) fn follow(&mut self, bridge: &mut Bridge, end: End<'_>, (off, rates): (&[f64], &mut [f64])) -> bool {
         let End { t, y, yp, last } = end;
         let enough = if last { FINAL_CORRECTION } else { LAST_CORRECTION }.max(rounding(bridge));
@@ -269,7 +284,8 @@ impl Consistent {
             if last {
                 return Ok(());
             }
-            // The correction just computed used the old g_z; a fresh one makes the convergence quadratic.
+            // The correction just computed used the old g_z; a fresh one makes the convergence
+            // quadratic.
             size = if next <= enough {
                 next
             } else {
@@ -280,7 +296,8 @@ impl Consistent {
         Err(self.diverged(MAX_ITERATIONS, size))
     }
 
-    /// Newton's method gave up: the unknown with the largest correction, in tolerances, is to blame.
+    /// Newton's method gave up: the unknown with the largest correction, in tolerances, is to
+    /// blame.
     fn diverged(&self, iterations: u32, correction: f64) -> Inconsistent {
         Inconsistent::Diverged { iterations, correction, unknown: largest(self.work.entries(), self.reference.entries()) }
     }
@@ -322,7 +339,8 @@ impl Consistent {
         bridge.operations.norm(x, weights)
     }
 
-    /// Moves `y` along the correction so far that the next correction, with the same g_z, gets smaller; returns its size in tolerances.
+    /// Moves `y` along the correction so far that the next correction, with the same g_z, gets
+    /// smaller; returns its size in tolerances.
     fn damped_step(&mut self, bridge: &mut Bridge, t: f64, (y, yp): (&mut Vector, &Vector), enough: f64) -> Option<f64> {
         self.work.entries_mut().copy_from_slice(self.spread.entries());
         bridge.error_weights(y, &mut self.reference);
@@ -348,8 +366,8 @@ impl Consistent {
         None
     }
 
-    /// Sets the algebraic entries of y' and returns the first step whose estimated local error is `safety` tolerances
-    /// (infinite if y'' is zero).
+    /// Sets the algebraic entries of y' and returns the first step whose estimated local error is
+    /// `safety` tolerances (infinite if y'' is zero).
     pub(super) fn first_step(&mut self, start: &mut Start<'_>, safety: f64) -> Result<f64, Inconsistent> {
         let Start { bridge, time, interval, y, yp, quadratures } = start;
         let (t, later) = (*time, *time + (1e-7 * *interval).max(1e-8 * time.abs()).min(*interval));
@@ -371,7 +389,8 @@ impl Consistent {
         Ok((2.0 * safety / size).sqrt())
     }
 
-    /// Sets the rates of the algebraic unknowns from what their equations' other terms amount to, in `residual`.
+    /// Sets the rates of the algebraic unknowns from what their equations' other terms amount to,
+    /// in `residual`.
     fn solve_rates(&mut self, yp: &mut Vector) {
         let Some(block) = &mut self.block else { return };
         for (correction, &i) in self.correction.iter_mut().zip(&self.algebraic) {
@@ -394,8 +413,9 @@ impl Consistent {
         there.for_each(|((there, y), yp)| *there = ahead.mul_add(*yp, *y));
     }
 
-    /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at its beginning, although they may be the same
-    /// again at its end, where the error test looks. What rests and is not `forced` stays at rest.
+    /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at
+    /// its beginning, although they may be the same again at its end, where the error test looks.
+    /// What rests and is not `forced` stays at rest.
     pub(super) fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
         if step < LONG * bound || !(forced || Self::norm(&mut self.weights, start.bridge, start.y, start.yp) * step > AT_REST) {
             return step;
@@ -430,7 +450,8 @@ impl Consistent {
         Ok(Self::norm(&mut self.weights, bridge, y, &self.residual).max(of_integrals))
     }
 
-    /// From the residual, the change of the rates if the algebraic unknowns follow, by the Jacobian at the beginning.
+    /// From the residual, the change of the rates if the algebraic unknowns follow, by the Jacobian
+    /// at the beginning.
     fn follow_algebraic(&mut self, bridge: &Bridge, y: &Vector) {
         if self.algebraic.is_empty() {
             return;
@@ -461,7 +482,8 @@ impl Consistent {
         Ok(())
     }
 
-    /// Adds ∂F/∂y `yp` to `work`, over the entries where `takes(column is differential, row is differential)`.
+    /// Adds ∂F/∂y `yp` to `work`, over the entries where `takes(column is differential, row is
+    /// differential)`.
     fn accumulate(&mut self, bridge: &Bridge, yp: &Vector, takes: impl Fn(bool, bool) -> bool) {
         let work = self.work.entries_mut();
         for (column, &slope) in yp.entries().iter().enumerate() {

@@ -1,8 +1,9 @@
 //! Bounds of unknowns over a part of a step, from the polynomial that the method interpolates with.
 //!
-//! A polynomial lies between the least and the largest of its coefficients in Bernstein's basis, and the narrower the part, the closer: to second order in its
-//! width (R. T. Farouki, *Comput. Aided Geom. Design* 29 (2012) 379, section 5). The coefficients follow from values at equidistant times, which any
-//! interpolation gives.
+//! A polynomial lies between the least and the largest of its coefficients in Bernstein's basis,
+//! and the narrower the part, the closer: to second order in its width (R. T. Farouki, *Comput.
+//! Aided Geom. Design* 29 (2012) 379, section 5). The coefficients follow from values at
+//! equidistant times, which any interpolation gives.
 
 use std::sync::LazyLock;
 
@@ -31,7 +32,8 @@ impl Enclosure {
         Self { least: numbers(unknowns), most: numbers(unknowns), samples: numbers(unknowns * (MAX_DEGREE + 1)) }
     }
 
-    /// Bounds from one time to another of polynomials of this degree, of which `sample` writes the values at a time.
+    /// Bounds from one time to another of polynomials of this degree, of which `sample` writes the
+    /// values at a time.
     ///
     /// # Errors
     /// Those of `sample`.
@@ -75,7 +77,8 @@ pub(crate) fn hull(values: [f64; 5]) -> (f64, f64) {
     (least, most)
 }
 
-/// Coefficients in Bernstein's basis of a degree by values at equidistant points: the inverse of the basis there.
+/// Coefficients in Bernstein's basis of a degree by values at equidistant points: the inverse of
+/// the basis there.
 fn matrix(degree: usize) -> Matrix {
     let mut basis = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
     let mut inverse = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];

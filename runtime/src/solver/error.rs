@@ -164,7 +164,8 @@ pub enum SolveError {
         /// The length it should have.
         expected: usize,
     },
-    /// A state or a time given to the integrator is not finite, or the end is not after the beginning.
+    /// A state or a time given to the integrator is not finite, or the end is not after the
+    /// beginning.
     #[error("cannot advance from t = {from} to t = {to}")]
     Interval {
         /// Present time.
@@ -198,7 +199,8 @@ pub enum SolveError {
     /// The pattern of a Jacobian is not what it should be.
     #[error("pattern of the Jacobian: {0}")]
     Pattern(#[from] PatternError),
-    /// An explicit system's pattern lacks the diagonal entry of a differential row, or the dimension is wrong.
+    /// An explicit system's pattern lacks the diagonal entry of a differential row, or the
+    /// dimension is wrong.
     #[error("pattern of the Jacobian: row {row} lacks its diagonal entry")]
     Diagonal {
         /// The first such row.

@@ -1,10 +1,12 @@
 //! Terms that depend on time alone, sampled over an interval before it is integrated.
 //!
-//! An error test compares rates at the ends of steps. A forcing that begins and ends an interval alike, a day's light in a step of a day, is
-//! passed over by a step as long as the interval, and by steps that have grown in the night. Therefore everything that time moves is
-//! evaluated at some thirty points. Where a polynomial of degree four goes through them, the error test sees what there is; otherwise
-//! no step may be longer than the points are apart. Where that shows many turns, more points count them, and some steps fall between two of them.
-//! The points are not evenly spaced, so that a period of the forcing cannot hide in them.
+//! An error test compares rates at the ends of steps. A forcing that begins and ends an interval
+//! alike, a day's light in a step of a day, is passed over by a step as long as the interval, and
+//! by steps that have grown in the night. Therefore everything that time moves is evaluated at some
+//! thirty points. Where a polynomial of degree four goes through them, the error test sees what
+//! there is; otherwise no step may be longer than the points are apart. Where that shows many
+//! turns, more points count them, and some steps fall between two of them. The points are not
+//! evenly spaced, so that a period of the forcing cannot hide in them.
 
 /// Intervals between points.
 const PIECES: usize = 32;
@@ -21,13 +23,15 @@ const PIECES_OF_A_TURN: u32 = 8;
 /// Degree of the polynomials, plus one.
 const TERMS: usize = 5;
 
-/// Largest distance of a smooth forcing from its polynomial, in parts of its range; a way back by less is not a turn.
+/// Largest distance of a smooth forcing from its polynomial, in parts of its range; a way back by
+/// less is not a turn.
 const SMOOTH: f64 = 0.01;
 
 /// A range below this, in parts of the largest value, is rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Least number of steps where a forcing is not smooth, and of steps between two of its turns: no simple fractions, since those could be a period.
+/// Least number of steps where a forcing is not smooth, and of steps between two of its turns: no
+/// simple fractions, since those could be a period.
 const STEPS: f64 = 33.618_033_988_749_9;
 const STEPS_OF_A_TURN: f64 = 3.236_067_977_499_8;
 
@@ -159,7 +163,8 @@ impl Forcing {
     }
 }
 
-/// Shares of an interval from 0 to 1, one in every piece, at places in it that follow no rule that a forcing could follow too.
+/// Shares of an interval from 0 to 1, one in every piece, at places in it that follow no rule that
+/// a forcing could follow too.
 fn share(k: usize, pieces: usize) -> f64 {
     if k == 0 || k == pieces {
         return if k == 0 { 0.0 } else { 1.0 };

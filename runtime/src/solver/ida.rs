@@ -34,9 +34,10 @@ enum Phase {
 
 /// SUNDIALS' variable-order, variable-step BDF integrator IDA.
 ///
-/// Each instance owns its SUNDIALS context and memory: instances may be moved to and used on any thread, one at a time.
-/// Everything is allocated when it is made, except for KLU's factors, which are allocated at the first factorisation, and
-/// again where their pivots no longer serve or are [forgotten](Integrator::forget).
+/// Each instance owns its SUNDIALS context and memory: instances may be moved to and used on any
+/// thread, one at a time. Everything is allocated when it is made, except for KLU's factors, which
+/// are allocated at the first factorisation, and again where their pivots no longer serve or are
+/// [forgotten](Integrator::forget).
 pub struct Ida {
     memory: Memory,
     y: Vector,
@@ -87,8 +88,8 @@ impl Past {
     }
 }
 
-// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and does not share, and SUNDIALS keeps no state
-// outside of them. A system is lent during a call only.
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and
+// does not share, and SUNDIALS keeps no state outside of them. A system is lent during a call only.
 unsafe impl Send for Ida {}
 
 impl Ida {
@@ -100,7 +101,8 @@ impl Ida {
         Self::with_operations(system, settings, Operations::detect())
     }
 
-    /// As [`new`](Self::new), without the instructions that only some processors have. Same results, for tests.
+    /// As [`new`](Self::new), without the instructions that only some processors have. Same
+    /// results, for tests.
     pub fn portable(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
         Self::with_operations(system, settings, Operations::PORTABLE)
     }
@@ -132,7 +134,8 @@ impl Ida {
         IdaFlag { value, message: self.memory.message() }
     }
 
-    /// Consistent values; `first` where there were none before, so that the algebraic unknowns are guesses.
+    /// Consistent values; `first` where there were none before, so that the algebraic unknowns are
+    /// guesses.
     fn initialise(&mut self, first: bool) -> Result<(), SolveError> {
         self.memory.begin();
         match &mut self.consistent {
@@ -258,7 +261,8 @@ impl Ida {
         if !stuck || self.past.counted.steps > 0 || self.settings.first_step == FirstStep::Ida {
             return Ok(value);
         }
-        // Our first step was too long to be corrected by IDA's few reductions; its own rule is more careful.
+        // Our first step was too long to be corrected by IDA's few reductions; its own rule is more
+        // careful.
         self.start(0.0)?;
         self.run(t_end)
     }
@@ -266,8 +270,9 @@ impl Ida {
     /// Lets IDA step on to `t_end` and returns its flag.
     fn run(&mut self, t_end: f64) -> Result<c_int, SolveError> {
         self.memory.set_end(t_end)?;
-        // After each Newton iteration IDA sets y and y', which its quadratures look at, and events where derivatives follow: a single step
-        // ends with those of its last iteration. What else IDA returns is interpolated.
+        // After each Newton iteration IDA sets y and y', which its quadratures look at, and events
+        // where derivatives follow: a single step ends with those of its last iteration. What else
+        // IDA returns is interpolated.
         let integrates = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_none());
         let by_steps = self.following.is_some() || (self.quadratures.is_some() && !integrates);
         self.discard(!integrates && self.following.is_none());
@@ -311,14 +316,16 @@ impl Ida {
         taken.map_err(|_| self.fault())
     }
 
-    /// Lets the derivatives along directions follow the unknowns, as far as their steps fit before `end`.
+    /// Lets the derivatives along directions follow the unknowns, as far as their steps fit before
+    /// `end`.
     fn follow(&mut self, to: f64, end: f64) -> Result<(), SolveError> {
         let bridge = self.memory.bridge_mut();
         let followed = self.following.as_mut().map_or(Ok(()), |following| following.catch_up(bridge, to, end));
         followed.map_err(|stuck| self.stuck(stuck))
     }
 
-    /// Takes derivatives along directions in, for a system with such, of which this one's is the leading part.
+    /// Takes derivatives along directions in, for a system with such, of which this one's is the
+    /// leading part.
     pub(super) fn add_following(&mut self, whole: &dyn System, settings: &Settings) -> Result<(), SolveError> {
         self.following = Some(Box::new(Variational::new(whole, settings, self.operations, self.memory.context())?));
         Ok(())

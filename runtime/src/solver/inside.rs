@@ -1,9 +1,10 @@
 //! The search for what happens inside of an accepted step.
 //!
-//! Root functions are known where a step begins and ends. In between they are bounded over parts of the step, by bounds of the unknowns and by the compiled
-//! bounds of the functions. A part in which the sign of each is certain hides nothing; others are halved, until nothing is left open or parts are
-//! [`NARROWEST`] of the step. Of those that stay open the two ends are looked at: what becomes true and ceases to hold within so short a time is the only thing
-//! that is not seen.
+//! Root functions are known where a step begins and ends. In between they are bounded over parts of
+//! the step, by bounds of the unknowns and by the compiled bounds of the functions. A part in which
+//! the sign of each is certain hides nothing; others are halved, until nothing is left open or
+//! parts are [`NARROWEST`] of the step. Of those that stay open the two ends are looked at: what
+//! becomes true and ceases to hold within so short a time is the only thing that is not seen.
 
 use super::watch::{Closely, Open, Watch};
 
@@ -34,7 +35,8 @@ pub(crate) trait Inside {
     fn look(&mut self, t: f64) -> Result<(), Self::Error>;
 }
 
-/// Returns whether kinks that are looked at in every step have not been passed in one that events and jumps do not concern. The values are those at its end afterwards.
+/// Returns whether kinks that are looked at in every step have not been passed in one that events
+/// and jumps do not concern. The values are those at its end afterwards.
 pub(crate) fn stays<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::Error> {
     if step.watch().stale {
         step.look(from)?;
@@ -54,8 +56,8 @@ pub(crate) fn stays<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<b
     Ok(still)
 }
 
-/// Looks into a step whose bounds leave something open; whether something happens in it. The bounds of what is watched are those within the tolerances of the
-/// unknowns at its end.
+/// Looks into a step whose bounds leave something open; whether something happens in it. The bounds
+/// of what is watched are those within the tolerances of the unknowns at its end.
 pub(crate) fn looks_into<I: Inside>(step: &mut I, (from, to): (f64, f64), (open, closely): (Open, Closely)) -> Result<bool, I::Error> {
     // The values at the end are looked at again where the search comes there.
     let watch = step.watch();
@@ -82,8 +84,8 @@ struct Part {
     to: f64,
 }
 
-/// Looks for the first thing that happens in a step; whether there is something. What is watched has accepted the beginning, and afterwards what was looked at
-/// last before something happened.
+/// Looks for the first thing that happens in a step; whether there is something. What is watched
+/// has accepted the beginning, and afterwards what was looked at last before something happened.
 fn happens<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::Error> {
     let samples = if step.watch().has_unbounded() { SAMPLES } else { 1 };
     let mut left = MOST_BOUNDS;
@@ -112,7 +114,8 @@ fn happens<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::E
     Ok(false)
 }
 
-/// The first parts that stay open when they are as narrow as this, their number, and the time up to which there are no others.
+/// The first parts that stay open when they are as narrow as this, their number, and the time up to
+/// which there are no others.
 fn open_parts<I: Inside>(step: &mut I, whole: Part, narrowest: f64, left: &mut u32) -> Result<([Part; MOST_OPEN], usize, f64), I::Error> {
     let mut open = [Part::default(); MOST_OPEN];
     let (mut count, mut until) = (0, whole.to);
@@ -141,7 +144,8 @@ fn open_parts<I: Inside>(step: &mut I, whole: Part, narrowest: f64, left: &mut u
     Ok((open, count, until))
 }
 
-/// Returns whether the bounds over a part leave a sign open. A part that can no longer be bounded is open.
+/// Returns whether the bounds over a part leave a sign open. A part that can no longer be bounded
+/// is open.
 fn is_open<I: Inside>(step: &mut I, part: Part, left: &mut u32) -> Result<bool, I::Error> {
     if *left == 0 {
         return Ok(true);

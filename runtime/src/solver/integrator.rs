@@ -46,32 +46,36 @@ pub struct Carried {
     pub step: f64,
     /// The explicit one of two methods takes it.
     pub explicit: bool,
-    /// The longest step known to suit the explicit pair of lower order; zero where none is, negative where a longer one did not.
+    /// The longest step known to suit the explicit pair of lower order; zero where none is,
+    /// negative where a longer one did not.
     pub reach: f64,
 }
 
 /// A method that steps a [`System`] through time.
 ///
-/// An integrator is made for one system's dimension and pattern; the system itself is lent to it call by call, so that
-/// inputs and parameters may be changed in between (followed by a [`restart`](Self::restart)).
+/// An integrator is made for one system's dimension and pattern; the system itself is lent to it
+/// call by call, so that inputs and parameters may be changed in between (followed by a
+/// [`restart`](Self::restart)).
 pub trait Integrator: Send {
-    /// Begins anew at time `t0` and state `y` (length n): makes algebraic unknowns and derivatives consistent and sets the
-    /// quadratures to zero. `yp` is a first guess of the derivatives where the system is implicit, otherwise not needed.
+    /// Begins anew at time `t0` and state `y` (length n): makes algebraic unknowns and derivatives
+    /// consistent and sets the quadratures to zero. `yp` is a first guess of the derivatives where
+    /// the system is implicit, otherwise not needed.
     ///
     /// # Errors
     /// [`SolveError::InitialConditions`] and its like when no consistent state is found near `y`.
     fn restart(&mut self, system: &mut dyn System, t0: f64, y: &[f64], yp: Option<&[f64]>) -> Result<(), SolveError>;
 
-    /// Steps to `t_end`, exactly, or to the first event. What became true by a restart is an event at its time. After an event
-    /// a restart is needed.
+    /// Steps to `t_end`, exactly, or to the first event. What became true by a restart is an event
+    /// at its time. After an event a restart is needed.
     ///
     /// # Errors
-    /// Why the integration ended early; [`time`](Self::time) and [`state`](Self::state) are then those of the last
-    /// accepted step, and the integrator needs a restart.
+    /// Why the integration ended early; [`time`](Self::time) and [`state`](Self::state) are then
+    /// those of the last accepted step, and the integrator needs a restart.
     fn advance(&mut self, system: &mut dyn System, t_end: f64) -> Result<Advance, SolveError>;
 
-    /// Forgets what was carried over from earlier restarts (last step, order of pivots, which conditions hold) and sets the statistics to zero:
-    /// from here on, results are those of a new instance. To be called where an episode begins.
+    /// Forgets what was carried over from earlier restarts (last step, order of pivots, which
+    /// conditions hold) and sets the statistics to zero: from here on, results are those of a new
+    /// instance. To be called where an episode begins.
     fn forget(&mut self);
 
     /// Data for the next control step: stored at the end of one, and passed to
@@ -97,8 +101,9 @@ pub trait Integrator: Send {
     /// Integrals since the last restart.
     fn quadratures(&self) -> &[f64];
 
-    /// After [`Advance::Event`], for each root function: 1 if its condition became true, −1 if it ceased to hold and that is an event,
-    /// otherwise 0. There may be none: what is at the threshold of a strict condition is decided by the next restart.
+    /// After [`Advance::Event`], for each root function: 1 if its condition became true, −1 if it
+    /// ceased to hold and that is an event, otherwise 0. There may be none: what is at the
+    /// threshold of a strict condition is decided by the next restart.
     fn events(&self) -> &[i32];
 
     /// Truth of the conditions.

@@ -1,9 +1,10 @@
 //! Loops over vectors, written once and compiled for several processors.
 //!
-//! Data live in [`Block`]s of eight numbers on separate cache lines; the last block is filled up with zeros, so that
-//! no loop has a tail. Each loop is `#[inline(always)]` and takes on the instruction set of the function that calls
-//! it. Every product that is summed goes through [`f64::mul_add`], which rounds once with or without hardware support, and
-//! every sum runs over the same 32 partial sums in the same order: the results are the same bits on every processor.
+//! Data live in [`Block`]s of eight numbers on separate cache lines; the last block is filled up
+//! with zeros, so that no loop has a tail. Each loop is `#[inline(always)]` and takes on the
+//! instruction set of the function that calls it. Every product that is summed goes through
+//! [`f64::mul_add`], which rounds once with or without hardware support, and every sum runs over
+//! the same 32 partial sums in the same order: the results are the same bits on every processor.
 //!
 //! Operands may be the same vector as the result: a block is read whole before it is written.
 
@@ -84,7 +85,8 @@ pub(crate) unsafe fn zip(blocks: usize, x: *const Block, y: *const Block, z: *mu
 /// `x`, `y` and `z` point to `blocks` blocks each.
 #[inline(always)]
 pub(crate) unsafe fn linear_sum(blocks: usize, (a, x): (f64, *const Block), (b, y): (f64, *const Block), z: *mut Block) {
-    // A factor of one (IDA's usual case) is exact either way round: the other product is the one to fuse.
+    // A factor of one (IDA's usual case) is exact either way round: the other product is the one to
+    // fuse.
     let ((a, x), (b, y)) = if b.abs() == 1.0 { ((b, y), (a, x)) } else { ((a, x), (b, y)) };
     // SAFETY: the caller vouches for what `zip` asks.
     unsafe { zip(blocks, x, y, z, |x, y| b.mul_add(y, a * x)) };
@@ -209,7 +211,8 @@ pub(crate) unsafe fn weighted_square_sum(blocks: usize, x: *const Block, w: *con
 #[inline(always)]
 pub(crate) unsafe fn accumulate(blocks: usize, delta: *const Block, w: *const Block, sum: *mut Block) -> (f64, f64) {
     let mut totals = [Block::ZERO; ACCUMULATORS];
-    // SAFETY: `reduce_blocks` gives numbers below `blocks` only, and `sum` is not one of the others.
+    // SAFETY: `reduce_blocks` gives numbers below `blocks` only, and `sum` is not one of the
+    // others.
     let square = reduce_blocks(blocks, |i, partial| unsafe {
         let (delta, w) = (delta.add(i).read(), w.add(i).read());
         let total = sum.add(i).read().zip(delta, |x, d| x + d);
@@ -253,7 +256,8 @@ pub(crate) unsafe fn cumulate(blocks: usize, first: *const Block, x: &[*mut Bloc
         // SAFETY: `i` is below `blocks`.
         let mut sum = unsafe { first.add(i).read() };
         for &x in x {
-            // SAFETY: as above; the pointers are different, so that nothing is read that was to be written.
+            // SAFETY: as above; the pointers are different, so that nothing is read that was to be
+            // written.
             sum = sum.zip(unsafe { x.add(i).read() }, |sum, x| x + sum);
             // SAFETY: as above.
             unsafe { x.add(i).write(sum) };

@@ -1,18 +1,24 @@
 //! Time integration of differential–algebraic systems, F(t, y, y') = 0.
 //!
-//! This layer knows nothing of the compiler: a model is anything that implements [`System`], and stepping is behind the
-//! narrow trait [`Integrator`]. [`Ida`] implements it by SUNDIALS' variable-order BDF code IDA, with
+//! This layer knows nothing of the compiler: a model is anything that implements [`System`], and
+//! stepping is behind the narrow trait [`Integrator`]. [`Ida`] implements it by SUNDIALS'
+//! variable-order BDF code IDA, with
 //!
 //! * own vectors (`vector`, `kernels`), the same bits on every processor;
-//! * own linear solvers (`linear`): dense LU for small systems, sparse LU of diagonal blocks for large ones;
+//! * own linear solvers (`linear`): dense LU for small systems, sparse LU of diagonal blocks for
+//!   large ones;
 //! * Newton's method in few passes over memory (`newton`);
-//! * derivatives along directions that follow the unknowns in their own steps (`staggered`, `variational`);
-//! * consistent initial conditions and a first step computed from the model's exact Jacobian (`consistent`);
-//! * stops at the times where the equations change their form, and a look at what time moves inside of an interval (`forcing`);
-//! * bounds of what an accepted step may hide from events and switches of the equations (`enclosure`, `inside`).
+//! * derivatives along directions that follow the unknowns in their own steps (`staggered`,
+//!   `variational`);
+//! * consistent initial conditions and a first step computed from the model's exact Jacobian
+//!   (`consistent`);
+//! * stops at the times where the equations change their form, and a look at what time moves inside
+//!   of an interval (`forcing`);
+//! * bounds of what an accepted step may hide from events and switches of the equations
+//!   (`enclosure`, `inside`).
 //!
-//! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning and an
-//! [`advance`](Integrator::advance) to its end, which is hit exactly:
+//! A control step is a [`restart`](Integrator::restart) at the state and inputs of its beginning
+//! and an [`advance`](Integrator::advance) to its end, which is hit exactly:
 //!
 //! ```
 //! use smpl_runtime::solver::{Advance, Ida, Integrator, Settings, problems};
@@ -27,8 +33,8 @@
 //! ```
 //!
 //! Results depend on the system, the settings and what was integrated since the last
-//! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector width or what an
-//! instance computed before.
+//! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector
+//! width or what an instance computed before.
 
 mod bounds;
 mod callbacks;

@@ -1,16 +1,19 @@
 //! States that never fall below zero.
 //!
-//! The equations see such a state at zero where it is negative (see [`System::nonnegative`]), so that roots and powers stay defined between the ends of
-//! steps. A step whose end is negative by more than the absolute tolerance is taken again, shorter; an end within it is set to zero (L. F. Shampine, S. Thompson,
-//! J. A. Kierzenka and G. D. Byrne, *Appl. Math. Comput.* 170 (2005) 556). Equations that lead below zero make every step end there: what such steps
-//! raise a state by is summed, and limited.
+//! The equations see such a state at zero where it is negative (see [`System::nonnegative`]), so
+//! that roots and powers stay defined between the ends of steps. A step whose end is negative by
+//! more than the absolute tolerance is taken again, shorter; an end within it is set to zero (L. F.
+//! Shampine, S. Thompson, J. A. Kierzenka and G. D. Byrne, *Appl. Math. Comput.* 170 (2005) 556).
+//! Equations that lead below zero make every step end there: what such steps raise a state by is
+//! summed, and limited.
 
 use super::{Settings, System};
 
 /// Absolute tolerances by which steps in a row may raise a state.
 const MOST: f64 = 100.0;
 
-/// Part of the way to zero that a step goes after one that went beyond; and bounds of how much shorter it is.
+/// Part of the way to zero that a step goes after one that went beyond; and bounds of how much
+/// shorter it is.
 const SHORT_OF: f64 = 0.9;
 const LEAST: f64 = 0.1;
 const UNKNOWN: f64 = 0.25;
@@ -47,7 +50,8 @@ impl Nonnegative {
         self.rise = 0.0;
     }
 
-    /// Returns whether a state, by its number among these, has to be set to zero at the end of a step.
+    /// Returns whether a state, by its number among these, has to be set to zero at the end of a
+    /// step.
     ///
     /// # Errors
     /// The place of the state if it is too far below zero.

@@ -1,10 +1,12 @@
-//! One-step methods behind the [`Integrator`] trait: Rodas5P for what is stiff, DOP853 for what is not (Tsit5 where one step of it will do), or whichever serves.
+//! One-step methods behind the [`Integrator`] trait: Rodas5P for what is stiff, DOP853 for what is
+//! not (Tsit5 where one step of it will do), or whichever serves.
 //!
-//! A multistep code begins every control step at order one and works its way up; a one-step method has its order at once. What surrounds the
-//! steps is that of IDA: tolerances, breaks, the look at what time moves ([`forcing`](super::forcing)), events, integrals, failures.
+//! A multistep code begins every control step at order one and works its way up; a one-step method
+//! has its order at once. What surrounds the steps is that of IDA: tolerances, breaks, the look at
+//! what time moves ([`forcing`](super::forcing)), events, integrals, failures.
 //!
-//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`, `short`: the methods with their polynomials; `methods`: which of them
-//!   takes the steps; `control`: step lengths;
+//! * `frame`: what a step begins and ends with; `rosenbrock`, `explicit`, `short`: the methods with
+//!   their polynomials; `methods`: which of them takes the steps; `control`: step lengths;
 //! * `advance`: from step to step; `algebra`: algebraic unknowns at both ends of a step.
 
 mod advance;
@@ -56,9 +58,10 @@ enum Phase {
 
 /// A one-step method.
 ///
-/// Everything is allocated when it is made, except for KLU's factors where a large matrix has no pivots on its diagonal. Its fields are what a step goes
-/// through, from the equations' side (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is a separate type, and
-/// a step needs them all at once.
+/// Everything is allocated when it is made, except for KLU's factors where a large matrix has no
+/// pivots on its diagonal. Its fields are what a step goes through, from the equations' side
+/// (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is
+/// a separate type, and a step needs them all at once.
 pub struct OneStep {
     settings: Settings,
     frame: Frame,
@@ -74,8 +77,8 @@ pub struct OneStep {
     /// A state within a step or a little later, and its derivatives.
     inside: [Quads; 2],
     pace: Pace,
-    /// The step that fitted where the control step began, infinite if any would have; zero before it. What an action moves dies away: the last step is too
-    /// long for the next beginning.
+    /// The step that fitted where the control step began, infinite if any would have; zero before
+    /// it. What an action moves dies away: the last step is too long for the next beginning.
     first: f64,
     /// Steps since something went wrong.
     since_trouble: u32,
@@ -133,8 +136,9 @@ impl OneStep {
     /// An integrator for systems of this one's dimension, pattern and counts.
     ///
     /// # Errors
-    /// A setting out of range, a pattern that does not fit, or a system that the method does not take: one that is not explicit in its
-    /// derivatives, and for the explicit method one with algebraic unknowns.
+    /// A setting out of range, a pattern that does not fit, or a system that the method does not
+    /// take: one that is not explicit in its derivatives, and for the explicit method one with
+    /// algebraic unknowns.
     pub fn new(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;

@@ -74,9 +74,11 @@ impl System for Problem {
     }
 }
 
-/// Robertson's chemical kinetics as ordinary differential equations: three unknowns, rates over nine decades.
+/// Robertson's chemical kinetics as ordinary differential equations: three unknowns, rates over
+/// nine decades.
 ///
-/// H. H. Robertson, The solution of a set of reaction rate equations, in *Numerical Analysis* (Academic Press, 1966).
+/// H. H. Robertson, The solution of a set of reaction rate equations, in *Numerical Analysis*
+/// (Academic Press, 1966).
 pub fn robertson() -> Problem {
     Problem::ode(
         vec![1.0, 0.0, 0.0],
@@ -96,7 +98,8 @@ pub fn robertson() -> Problem {
     .autonomous()
 }
 
-/// Robertson's problem with the balance y₁ + y₂ + y₃ = 1 instead of the third rate: one algebraic unknown.
+/// Robertson's problem with the balance y₁ + y₂ + y₃ = 1 instead of the third rate: one algebraic
+/// unknown.
 pub fn robertson_dae() -> Problem {
     let mut problem = robertson().with_structure(vec![true, true, false], true);
     problem.residual = |_, y, yp, _, out| {
@@ -112,7 +115,8 @@ pub fn robertson_dae() -> Problem {
     problem
 }
 
-/// Van der Pol's oscillator as in the *Test Set for IVP Solvers*: ε y₂' = (1 − y₁²) y₂ − y₁ with ε = 1e-6.
+/// Van der Pol's oscillator as in the *Test Set for IVP Solvers*: ε y₂' = (1 − y₁²) y₂ − y₁ with ε
+/// = 1e-6.
 pub fn van_der_pol() -> Problem {
     Problem::ode(
         vec![2.0, 0.0],
@@ -168,11 +172,11 @@ pub fn hires() -> Problem {
     .autonomous()
 }
 
-/// An exothermic stirred tank: concentration (kmol/m³), temperature (K), level (m); inputs are the coolant's temperature
-/// (K) and the outflow (m³/min); time in minutes.
+/// An exothermic stirred tank: concentration (kmol/m³), temperature (K), level (m); inputs are the
+/// coolant's temperature (K) and the outflow (m³/min); time in minutes.
 ///
-/// G. Pannocchia and J. B. Rawlings, Disturbance models for offset-free model-predictive control, *AIChE J.* 49 (2003), table 2.
-/// The start is its steady state.
+/// G. Pannocchia and J. B. Rawlings, Disturbance models for offset-free model-predictive control,
+/// *AIChE J.* 49 (2003), table 2. The start is its steady state.
 pub fn stirred_tank() -> Problem {
     const FEED: f64 = 0.1;
     const AREA: f64 = std::f64::consts::PI * 0.219 * 0.219;
@@ -214,10 +218,12 @@ pub fn stirred_tank() -> Problem {
     .autonomous()
 }
 
-/// A satellite about the earth and the moon that comes back to where it was: Arenstorf's orbit, in four unknowns (positions, velocities), rotating with
-/// the moon. Its period is 17.0652165601579625.
+/// A satellite about the earth and the moon that comes back to where it was: Arenstorf's orbit, in
+/// four unknowns (positions, velocities), rotating with the moon. Its period is
+/// 17.0652165601579625.
 ///
-/// E. Hairer, S. P. Nørsett and G. Wanner, *Solving Ordinary Differential Equations I*, 2nd edition (Springer, 1993), equations (0.1) and (0.2).
+/// E. Hairer, S. P. Nørsett and G. Wanner, *Solving Ordinary Differential Equations I*, 2nd edition
+/// (Springer, 1993), equations (0.1) and (0.2).
 pub fn arenstorf() -> Problem {
     const MOON: f64 = 0.012_277_471;
     const EARTH: f64 = 1.0 - MOON;
@@ -254,7 +260,8 @@ pub fn arenstorf() -> Problem {
     .autonomous()
 }
 
-/// Lotka's and Volterra's predators and prey: x' = x (1 − y), y' = y (x − 1), along which x + y − ln(x y) stays.
+/// Lotka's and Volterra's predators and prey: x' = x (1 − y), y' = y (x − 1), along which x + y −
+/// ln(x y) stays.
 pub fn predator_prey() -> Problem {
     Problem::ode(
         vec![3.0, 0.5],
@@ -266,8 +273,9 @@ pub fn predator_prey() -> Problem {
     .autonomous()
 }
 
-/// Tanks in series, yᵢ' = n (yᵢ₋₁ − yᵢ) with inlet `inputs[0]`, empty at the start: linear advection over unit length and time.
-/// A step at the inlet leaves tank i as the distribution function of Erlang's distribution.
+/// Tanks in series, yᵢ' = n (yᵢ₋₁ − yᵢ) with inlet `inputs[0]`, empty at the start: linear
+/// advection over unit length and time. A step at the inlet leaves tank i as the distribution
+/// function of Erlang's distribution.
 pub fn tanks_in_series(tanks: usize) -> Problem {
     let column = |i: usize| {
         if i + 1 < tanks { vec![i, i + 1] } else { vec![i] }
@@ -298,8 +306,9 @@ pub fn tanks_in_series(tanks: usize) -> Problem {
 /// Unknowns in a cell of [`tubular_reactor`].
 const SPECIES: usize = 4;
 
-/// A tubular reactor by upwind cells, A + B → C with heat of reaction: four unknowns a cell (A, B, C, temperature), one
-/// exponential a cell, all dimensionless; `inputs` are the inlet's temperature and the wall's.
+/// A tubular reactor by upwind cells, A + B → C with heat of reaction: four unknowns a cell (A, B,
+/// C, temperature), one exponential a cell, all dimensionless; `inputs` are the inlet's temperature
+/// and the wall's.
 pub fn tubular_reactor(cells: usize) -> Problem {
     let column = |unknown: usize| {
         let (cell, species) = (unknown / SPECIES, unknown % SPECIES);

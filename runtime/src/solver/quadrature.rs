@@ -1,9 +1,12 @@
-//! Integrals in addition to the unknowns: their values, their tolerances, and what a first step has to know of them.
+//! Integrals in addition to the unknowns: their values, their tolerances, and what a first step has
+//! to know of them.
 //!
-//! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run along straight lines it stays at one, whatever the
-//! integrands do. So the integrals of a small system are taken step by step on the interpolating polynomial instead, by Boole's rule on pieces that
-//! are halved where Simpson's rule does not agree with it: one jump, as of `if c > limit then 1 else 0`, costs some hundred points. Each point costs an
-//! interpolation of all unknowns, which is why large systems, whose unknowns never all rest, leave their integrals to IDA.
+//! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run
+//! along straight lines it stays at one, whatever the integrands do. So the integrals of a small
+//! system are taken step by step on the interpolating polynomial instead, by Boole's rule on pieces
+//! that are halved where Simpson's rule does not agree with it: one jump, as of `if c > limit then
+//! 1 else 0`, costs some hundred points. Each point costs an interpolation of all unknowns, which
+//! is why large systems, whose unknowns never all rest, leave their integrals to IDA.
 
 use std::array;
 
@@ -15,7 +18,8 @@ use super::{Quadratures, System};
 /// Unknowns up to which integrals are taken on the interpolating polynomials.
 const SMALL: usize = 200;
 
-/// Most halvings of a piece of a step: in one that is so short nothing counts, whatever jumps there.
+/// Most halvings of a piece of a step: in one that is so short nothing counts, whatever jumps
+/// there.
 const MOST_HALVINGS: u32 = 40;
 
 /// Pieces of a step, and halvings of what is left of it where there are so many of them.
@@ -109,8 +113,8 @@ impl Integrals {
         self.checked.map(|(rtol, _)| rtol)
     }
 
-    /// Evaluates the integrands where an interval begins. What they would amount to in it gives the tolerances: an integral that begins
-    /// at zero is not asked for more digits than at its end.
+    /// Evaluates the integrands where an interval begins. What they would amount to in it gives the
+    /// tolerances: an integral that begins at zero is not asked for more digits than at its end.
     pub(super) fn begin(&mut self, bridge: &mut Bridge, t: f64, interval: f64, y: &Vector, yp: &Vector) -> Result<(), i32> {
         let Some((rtol, atol)) = self.checked else { return Ok(()) };
         bridge.integrands(t, y, yp, &mut self.rates)?;
@@ -121,8 +125,8 @@ impl Integrals {
         Ok(())
     }
 
-    /// Root mean square of the change of the integrands from the beginning to another point, in tolerances a unit of time; 0 if they are not part of the
-    /// error test.
+    /// Root mean square of the change of the integrands from the beginning to another point, in
+    /// tolerances a unit of time; 0 if they are not part of the error test.
     pub(super) fn change(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<f64, i32> {
         let Some((rtol, _)) = self.checked else { return Ok(0.0) };
         bridge.integrands(t, y, yp, &mut self.there)?;
@@ -179,7 +183,8 @@ impl BySteps {
             let most = if pieces < MOST_PIECES { MOST_HALVINGS } else { EVENLY };
             if piece.halvings < most && !self.agree(values, piece.share()) {
                 piece = piece.first_half();
-                // The first three points of the whole are the outer ones and the middle of its first half.
+                // The first three points of the whole are the outer ones and the middle of its
+                // first half.
                 self.points.swap(2, 4);
                 self.points.swap(1, 2);
                 fresh = &[1, 3];
@@ -207,7 +212,8 @@ impl BySteps {
         }
     }
 
-    /// Returns `true` if both rules agree over a piece that is this share of the step: to its share of the tolerance, or to the least one.
+    /// Returns `true` if both rules agree over a piece that is this share of the step: to its share
+    /// of the tolerance, or to the least one.
     fn agree(&self, values: &[f64], share: f64) -> bool {
         let (rtol, atol, share) = (self.rtol, self.atol, share.max(LEAST_SHARE));
         let [boole, simpson] = &self.sums;

@@ -3,10 +3,11 @@
 use super::watch::Watch;
 use super::{Edge, RootRole, System};
 
-/// A box of unknowns, and a time up to which, in which no event happens and no equation jumps: steps inside of it need no look at root functions.
+/// A box of unknowns, and a time up to which, in which no event happens and no equation jumps:
+/// steps inside of it need no look at root functions.
 ///
-/// Where root functions do not read the time, and there are no kinks, a box lasts until it is left: also in the next integration, if what they read besides
-/// unknowns is the same.
+/// Where root functions do not read the time, and there are no kinks, a box lasts until it is left:
+/// also in the next integration, if what they read besides unknowns is the same.
 pub(crate) struct Safe {
     least: Box<[f64]>,
     most: Box<[f64]>,
@@ -61,8 +62,8 @@ impl Safe {
         }
     }
 
-    /// Forgets a box that was found under other inputs or conditions, where an integration begins. Returns whether it begins inside of one that is kept, where jumps
-    /// are as they are there.
+    /// Forgets a box that was found under other inputs or conditions, where an integration begins.
+    /// Returns whether it begins inside of one that is kept, where jumps are as they are there.
     pub(crate) fn begin(&mut self, unknowns: &[u32], y: &[f64], watch: &mut Watch) -> bool {
         let known = self.until == f64::INFINITY && self.lasting.as_ref().is_some_and(|l| l.now == l.inputs && watch.agrees(&l.holds));
         if !known {
@@ -86,7 +87,8 @@ impl Safe {
         self.holds(time, unknowns, (y, y))
     }
 
-    /// Returns whether unknowns are inside of the box at a time, and so are those a little later, along their derivatives.
+    /// Returns whether unknowns are inside of the box at a time, and so are those a little later,
+    /// along their derivatives.
     pub(crate) fn contains_along(&self, (time, ahead): (f64, f64), unknowns: &[u32], (y, yp): (&[f64], &[f64])) -> bool {
         let inside = |at: usize| {
             let later = y[at] + ahead * yp[at];
@@ -105,7 +107,8 @@ impl Safe {
             })
     }
 
-    /// A box that reaches beyond bounds over a step, to be tried: its times and its ends; `None` where none is due.
+    /// A box that reaches beyond bounds over a step, to be tried: its times and its ends; `None`
+    /// where none is due.
     pub(crate) fn beyond(&mut self, (from, to): (f64, f64), unknowns: &[u32], (least, most): (&[f64], &[f64])) -> Option<Reach<'_>> {
         self.until = f64::NEG_INFINITY;
         if self.pause > 0 {

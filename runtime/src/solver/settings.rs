@@ -23,11 +23,12 @@ pub struct Settings {
     pub min_step: f64,
     /// Largest step. Default infinite.
     pub max_step: f64,
-    /// True if the error of algebraic unknowns is part of the error test. Default false: they are solved for at every step, and as
-    /// right as the differential ones that they follow from.
+    /// True if the error of algebraic unknowns is part of the error test. Default false: they are
+    /// solved for at every step, and as right as the differential ones that they follow from.
     pub algebraic_error_control: bool,
-    /// True if an integral or an event looks at algebraic unknowns within steps. They are part of the error test of multistep methods then; one-step methods
-    /// bring them to their equations at the end of each step.
+    /// True if an integral or an event looks at algebraic unknowns within steps. They are part of
+    /// the error test of multistep methods then; one-step methods bring them to their equations at
+    /// the end of each step.
     pub algebraic_are_watched: bool,
     /// Integration method. Default [`Method::Ida`].
     pub method: Method,
@@ -35,16 +36,17 @@ pub struct Settings {
     pub linear_solver: LinearSolver,
     /// Tolerances of the quadratures. Default [`Quadratures::Unchecked`].
     pub quadratures: Quadratures,
-    /// Tolerances of derivatives along [`directions`](super::System::directions), as a multiple of those of the unknowns. Default 1.
+    /// Tolerances of derivatives along [`directions`](super::System::directions), as a multiple of
+    /// those of the unknowns. Default 1.
     pub looseness: f64,
 }
 
 /// Choice of the first step after a restart. It never exceeds the interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FirstStep {
-    /// From y'' by the exact Jacobian: the step whose estimated local error at order one is `safety` of the
-    /// tolerance, shortened where the rates change inside of it. Depends on nothing but the present state. Systems that are not explicit in
-    /// their derivatives use IDA's rule.
+    /// From y'' by the exact Jacobian: the step whose estimated local error at order one is
+    /// `safety` of the tolerance, shortened where the rates change inside of it. Depends on nothing
+    /// but the present state. Systems that are not explicit in their derivatives use IDA's rule.
     Estimated {
         /// Fraction of the tolerance. Default 0.25.
         safety: f64,
@@ -56,7 +58,8 @@ pub enum FirstStep {
     },
     /// This step, in units of time.
     Fixed(f64),
-    /// IDA's rule: a thousandth of the interval, or less where that would change y by half its tolerance.
+    /// IDA's rule: a thousandth of the interval, or less where that would change y by half its
+    /// tolerance.
     Ida,
 }
 
@@ -69,15 +72,16 @@ impl Default for FirstStep {
 /// True if the error of quadratures is controlled.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Quadratures {
-    /// Integrated with the steps that the unknowns need: no better than these allow (a solution that is a straight line is
-    /// stepped over at once).
+    /// Integrated with the steps that the unknowns need: no better than these allow (a solution
+    /// that is a straight line is stepped over at once).
     #[default]
     Unchecked,
     /// Part of the error test.
     Checked {
         /// Relative tolerance.
         rtol: f64,
-        /// Absolute tolerance of every quadrature, positive; to it comes `rtol` of what the integrand at the beginning would amount to.
+        /// Absolute tolerance of every quadrature, positive; to it comes `rtol` of what the
+        /// integrand at the beginning would amount to.
         atol: f64,
     },
 }
@@ -108,7 +112,8 @@ impl Settings {
         }
     }
 
-    /// The settings with the tolerances of the one-step methods. Those of derivatives stay where they are not the smaller ones.
+    /// The settings with the tolerances of the one-step methods. Those of derivatives stay where
+    /// they are not the smaller ones.
     pub(crate) fn of_one_step_methods(mut self) -> Self {
         let factor = std::mem::replace(&mut self.one_step_factor, 1.0);
         self.rtol *= factor;

@@ -6,9 +6,10 @@ use super::Bounds;
 
 /// A system F(t, y, y') = 0 of `n` equations in `n` unknowns, index 1 at most.
 ///
-/// Rows come in the order of the unknowns: row i is the equation of unknown i. Time and unknowns are in the model's units.
-/// Functions may write NaN or infinity where the model is not defined; the integrator then tries a smaller step.
-/// A panic in one of them ends the integration with [`SolveError::Panicked`](super::SolveError::Panicked).
+/// Rows come in the order of the unknowns: row i is the equation of unknown i. Time and unknowns
+/// are in the model's units. Functions may write NaN or infinity where the model is not defined;
+/// the integrator then tries a smaller step. A panic in one of them ends the integration with
+/// [`SolveError::Panicked`](super::SolveError::Panicked).
 pub trait System {
     /// Number of unknowns, n.
     fn dimension(&self) -> usize {
@@ -18,24 +19,29 @@ pub trait System {
     /// For each unknown, whether its derivative occurs. The others are algebraic.
     fn differential(&self) -> &[bool];
 
-    /// Returns `true` if derivatives are given explicitly: F = f(t, y) − y' on differential rows, g(t, y) on algebraic ones.
+    /// Returns `true` if derivatives are given explicitly: F = f(t, y) − y' on differential rows,
+    /// g(t, y) on algebraic ones.
     fn is_explicit(&self) -> bool;
 
-    /// Bounds of the unknowns, where algebraic ones have any: where an integration begins, their solution is sought inside.
+    /// Bounds of the unknowns, where algebraic ones have any: where an integration begins, their
+    /// solution is sought inside.
     fn bounds(&self) -> Option<&Bounds> {
         None
     }
 
-    /// States that are never negative, by their places, rising. The other functions take such a state as zero where it is negative.
+    /// States that are never negative, by their places, rising. The other functions take such a
+    /// state as zero where it is negative.
     fn nonnegative(&self) -> &[u32] {
         &[]
     }
 
-    /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y', of the leading unknowns where there are [`directions`](Self::directions).
+    /// Structure of the Jacobian ∂F/∂y + c ∂F/∂y', of the leading unknowns where there are
+    /// [`directions`](Self::directions).
     fn pattern(&self) -> &Pattern;
 
-    /// Number of directions, k, along which derivatives of the leading n/(1 + k) unknowns are integrated with them: the other unknowns are a
-    /// matrix of k columns, row after row, which obey [`following`](Self::following). 0 for other systems.
+    /// Number of directions, k, along which derivatives of the leading n/(1 + k) unknowns are
+    /// integrated with them: the other unknowns are a matrix of k columns, row after row, which
+    /// obey [`following`](Self::following). 0 for other systems.
     fn directions(&self) -> usize {
         0
     }
@@ -56,8 +62,8 @@ pub trait System {
         let _ = (at, s, sp, out);
     }
 
-    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R and minus the other moving terms: the right-hand side for s with
-    /// that Jacobian.
+    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R
+    /// and minus the other moving terms: the right-hand side for s with that Jacobian.
     fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) {
         let _ = (at, rates);
     }
@@ -78,8 +84,9 @@ pub trait System {
     /// Writes ∂F/∂y + `cj` ∂F/∂y' to `values`, in the order of [`pattern`](Self::pattern).
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]);
 
-    /// The first time from `t` on at which the equations change their form, by a jump or a kink; otherwise infinite.
-    /// [`advance`](super::Integrator::advance) stops there and begins anew behind it.
+    /// The first time from `t` on at which the equations change their form, by a jump or a kink;
+    /// otherwise infinite. [`advance`](super::Integrator::advance) stops there and begins anew
+    /// behind it.
     fn next_break(&mut self, t: f64) -> f64 {
         let _ = t;
         f64::INFINITY
@@ -90,7 +97,8 @@ pub trait System {
         true
     }
 
-    /// Writes ∂F/∂t at given unknowns and rates to `out` (length n), as it is from `t` on; whether it is known. If not, it is taken by differences.
+    /// Writes ∂F/∂t at given unknowns and rates to `out` (length n), as it is from `t` on; whether
+    /// it is known. If not, it is taken by differences.
     fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
         let _ = (t, y, yp, out);
         false
@@ -101,8 +109,8 @@ pub trait System {
         self.dimension()
     }
 
-    /// Writes everything that time itself moves to `out`, at given unknowns: the integrator looks at it all over an interval before it
-    /// chooses its steps. By default the residual.
+    /// Writes everything that time itself moves to `out`, at given unknowns: the integrator looks
+    /// at it all over an interval before it chooses its steps. By default the residual.
     fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.residual(t, y, yp, out);
     }
@@ -112,7 +120,8 @@ pub trait System {
         0
     }
 
-    /// Returns `true` if a root function looks at y'. If none does, the values given for y' are arbitrary.
+    /// Returns `true` if a root function looks at y'. If none does, the values given for y' are
+    /// arbitrary.
     fn roots_use_derivatives(&self) -> bool {
         true
     }
@@ -122,18 +131,20 @@ pub trait System {
         &[]
     }
 
-    /// Writes the root functions to `out`, positive where the condition holds: [`advance`](super::Integrator::advance) stops where one becomes
-    /// true.
+    /// Writes the root functions to `out`, positive where the condition holds:
+    /// [`advance`](super::Integrator::advance) stops where one becomes true.
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let _ = (t, y, yp, out);
     }
 
-    /// The unknowns that root functions read, rising. [`root_bounds`](Self::root_bounds) looks at no others.
+    /// The unknowns that root functions read, rising. [`root_bounds`](Self::root_bounds) looks at
+    /// no others.
     fn watched_unknowns(&self) -> &[u32] {
         &[]
     }
 
-    /// Number of [`watched_inputs`](Self::watched_inputs); `None` where root functions and their bounds read the time or rates, too.
+    /// Number of [`watched_inputs`](Self::watched_inputs); `None` where root functions and their
+    /// bounds read the time or rates, too.
     fn watched_input_count(&self) -> Option<usize> {
         None
     }
@@ -143,14 +154,16 @@ pub trait System {
         let _ = out;
     }
 
-    /// Writes bounds of the root functions to `out`, lower ones and then upper ones: from the first to the second time of `span`, and for unknowns from `least`
-    /// to `most`. Returns whether they are known; if not, root functions are looked at only where steps end.
+    /// Writes bounds of the root functions to `out`, lower ones and then upper ones: from the first
+    /// to the second time of `span`, and for unknowns from `least` to `most`. Returns whether they
+    /// are known; if not, root functions are looked at only where steps end.
     fn root_bounds(&mut self, span: (f64, f64), least: &[f64], most: &[f64], out: &mut [f64]) -> bool {
         let _ = (span, least, most, out);
         false
     }
 
-    /// Returns `true` if [`advance`](super::Integrator::advance) stops at jumps of the equations, too; otherwise it goes on behind them.
+    /// Returns `true` if [`advance`](super::Integrator::advance) stops at jumps of the equations,
+    /// too; otherwise it goes on behind them.
     fn reports_jumps(&self) -> bool {
         false
     }
@@ -202,8 +215,9 @@ pub enum RootRole {
     Event,
     /// A jump of the equations.
     Jump,
-    /// A kink of the equations, which the error test of a step sees as long as the step meets both forms. The integration stops only where a step would have
-    /// passed a form unseen. Kinks of one group look at one quantity.
+    /// A kink of the equations, which the error test of a step sees as long as the step meets both
+    /// forms. The integration stops only where a step would have passed a form unseen. Kinks of one
+    /// group look at one quantity.
     Kink {
         /// The group.
         group: u32,
@@ -237,7 +251,8 @@ pub enum PatternError {
 }
 
 impl Pattern {
-    /// A pattern from its columns' beginnings (n + 1) and the row of each entry, rising within a column.
+    /// A pattern from its columns' beginnings (n + 1) and the row of each entry, rising within a
+    /// column.
     pub fn new(column_starts: Vec<usize>, rows: Vec<usize>) -> Result<Self, PatternError> {
         let entries = rows.len();
         let bounded = column_starts.first() == Some(&0) && column_starts.last() == Some(&entries);

@@ -1,13 +1,16 @@
-//! The way to the end of an advance, whatever takes the steps: it stops at breaks, and where events happen.
+//! The way to the end of an advance, whatever takes the steps: it stops at breaks, and where events
+//! happen.
 //!
-//! Events are looked for at accepted states and found on the interpolating polynomial of the step in which they happened.
+//! Events are looked for at accepted states and found on the interpolating polynomial of the step
+//! in which they happened.
 
 use std::os::raw::c_int;
 
 use super::watch::{TIE, Watch};
 use super::{Advance, SolveError};
 
-/// Two times this near each other, in parts of the larger one, are one: the tables of a model know them no better.
+/// Two times this near each other, in parts of the larger one, are one: the tables of a model know
+/// them no better.
 const NEAR: f64 = 2e-12;
 
 /// Distance of both sides of a break from it, in roundings: the equations are of one form on each.
@@ -20,11 +23,13 @@ const AHEAD: [f64; 2] = [1e-7, 1e4 * f64::EPSILON];
 /// Duration within which events are simultaneous, likewise.
 const AT_ONCE: [f64; 2] = [1e-10, 100.0 * f64::EPSILON];
 
-/// Distances at which slow motion is looked for, in multiples of the first one; and the parts of the way at which it has to show.
+/// Distances at which slow motion is looked for, in multiples of the first one; and the parts of
+/// the way at which it has to show.
 const FAR: [f64; 2] = [1e3, 1e6];
 const PARTS: [f64; 3] = [1.0, 0.25, 0.0625];
 
-/// By this many times as much a condition has to move anew, where it became true at the end of an interval.
+/// By this many times as much a condition has to move anew, where it became true at the end of an
+/// interval.
 const AGAIN: f64 = 2.0;
 
 /// Relative rounding of a state.
@@ -36,18 +41,21 @@ const WIDER: f64 = 16.0;
 /// Steps of this part of an interval are so short that a kink in them may hold the solution.
 pub(crate) const SHORT: f64 = 1e-4;
 
-/// A root function that moves by no more than this part of its tolerance, along the rates and as far as motion is looked for, is held.
+/// A root function that moves by no more than this part of its tolerance, along the rates and as
+/// far as motion is looked for, is held.
 const STILL: f64 = 1e-8;
 
 /// Longest step whose polynomial a switch may spoil, over the interval and over the time itself.
 const FINE: [f64; 2] = [1e-12, 64.0 * f64::EPSILON];
 
-/// Most repetitions of a step; growth of the short step beyond; and its greatest length, in parts of the step.
+/// Most repetitions of a step; growth of the short step beyond; and its greatest length, in parts
+/// of the step.
 const REPEATS: u32 = 4;
 const FURTHER: f64 = 16.0;
 const COARSE: f64 = 0.1;
 
-/// Greatest distance of a jump that steps have become too short to reach, over the interval and over the time itself.
+/// Greatest distance of a jump that steps have become too short to reach, over the interval and
+/// over the time itself.
 const NEARBY: [f64; 2] = [1e-8, 1e4 * f64::EPSILON];
 
 /// For this part of the interval no tie is looked for where there was none.
@@ -73,7 +81,8 @@ pub(crate) trait Traverse {
     /// The first time from `t` on at which the equations change their form.
     fn next_break(&mut self, t: f64) -> Result<f64, SolveError>;
 
-    /// Begins anew at another time with the present state: algebraic unknowns and derivatives are others there.
+    /// Begins anew at another time with the present state: algebraic unknowns and derivatives are
+    /// others there.
     fn cross(&mut self, to: f64) -> Result<(), SolveError>;
 
     /// Steps to a time before the next break, or to an event.
@@ -85,10 +94,12 @@ pub(crate) trait Traverse {
     /// Evaluates the root functions at the present state and this time.
     fn evaluate_roots(&mut self, t: f64) -> Result<(), SolveError>;
 
-    /// Evaluates them a little later, along the derivatives; algebraic unknowns follow their equations, or go on along their derivatives too.
+    /// Evaluates them a little later, along the derivatives; algebraic unknowns follow their
+    /// equations, or go on along their derivatives too.
     fn evaluate_along(&mut self, ahead: f64, consistently: bool) -> Result<(), SolveError>;
 
-    /// Evaluates them at a time where each unknown is multiplied by a factor that depends on its number.
+    /// Evaluates them at a time where each unknown is multiplied by a factor that depends on its
+    /// number.
     fn evaluate_moved(&mut self, time: f64, factor: &dyn Fn(usize) -> f64) -> Result<(), SolveError>;
 
     /// Makes state, derivatives and quadratures those at a time within the last step.
@@ -97,7 +108,8 @@ pub(crate) trait Traverse {
     /// Takes the integrals up to a time within the last step.
     fn take_integrals(&mut self, to: f64) -> Result<(), SolveError>;
 
-    /// The derivatives that the equations give, instead of those of the polynomial, which may be off by the tolerance.
+    /// The derivatives that the equations give, instead of those of the polynomial, which may be
+    /// off by the tolerance.
     fn derive(&mut self) -> Result<(), SolveError>;
 
     /// Stays at this time, where a restart is needed.
@@ -121,10 +133,12 @@ pub(crate) trait Traverse {
     /// Returns whether the equations give the rates of all states.
     fn is_explicit(&self) -> bool;
 
-    /// Returns whether an integration begins where no event can happen: conditions are as they were.
+    /// Returns whether an integration begins where no event can happen: conditions are as they
+    /// were.
     fn begins_safely(&mut self) -> Result<bool, SolveError>;
 
-    /// Returns whether no event can happen at the present state and for a time ahead along its derivatives.
+    /// Returns whether no event can happen at the present state and for a time ahead along its
+    /// derivatives.
     fn is_safe(&mut self, ahead: f64) -> bool;
 
     /// The time at which the last step began, if the integration can go back there.
@@ -145,7 +159,8 @@ pub(crate) trait Traverse {
         }
     }
 
-    /// The root function that is at its threshold, as far as it moves within a small part of the interval.
+    /// The root function that is at its threshold, as far as it moves within a small part of the
+    /// interval.
     fn nearest_event(&mut self) -> Option<usize> {
         if self.watched().0.is_empty() {
             return None;
@@ -156,8 +171,9 @@ pub(crate) trait Traverse {
         self.watched().0.nearest()
     }
 
-    /// Returns `true` if a condition becomes true at the end of the interval although rounding puts its instant just behind: the next interval begins with
-    /// other inputs, perhaps, under which it would not.
+    /// Returns `true` if a condition becomes true at the end of the interval although rounding puts
+    /// its instant just behind: the next interval begins with other inputs, perhaps, under which it
+    /// would not.
     fn ends_at_event(&mut self) -> Result<bool, SolveError> {
         let ahead = self.span(AHEAD);
         if self.watched().0.is_empty() || self.is_safe(ahead) {
@@ -218,7 +234,8 @@ pub(crate) trait Traverse {
         }
     }
 
-    /// Steps to a time before the next break, or to an event, beginning anew behind each switch at which a step ends.
+    /// Steps to a time before the next break, or to an event, beginning anew behind each switch at
+    /// which a step ends.
     fn solve_past_switches(&mut self, t_end: f64, stops: &mut u32) -> Result<Advance, SolveError> {
         loop {
             let advance = match self.solve_precisely(t_end) {
@@ -254,8 +271,9 @@ pub(crate) trait Traverse {
         }
     }
 
-    /// Steps to a time before the next break, or to an event or switch. Equations that change their form inside of a step spoil its polynomial: the step is taken
-    /// again up to where the first thing happened, and a short one beyond it.
+    /// Steps to a time before the next break, or to an event or switch. Equations that change their
+    /// form inside of a step spoil its polynomial: the step is taken again up to where the first
+    /// thing happened, and a short one beyond it.
     fn solve_precisely(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         let start = self.time();
         let mut advance = self.solve(t_end)?;
@@ -286,9 +304,10 @@ pub(crate) trait Traverse {
         Ok(advance)
     }
 
-    /// Goes along the rates to just behind a jump of the equations nearby, after steps have become too short: those whose rates change by more than their
-    /// tolerances over the shortest step, and jumps of algebraic unknowns, are crossed by no step. Returns whether there is such a jump; the integration has
-    /// stopped at it.
+    /// Goes along the rates to just behind a jump of the equations nearby, after steps have become
+    /// too short: those whose rates change by more than their tolerances over the shortest step,
+    /// and jumps of algebraic unknowns, are crossed by no step. Returns whether there is such a
+    /// jump; the integration has stopped at it.
     fn passes_jump(&mut self, t_end: f64) -> Result<bool, SolveError> {
         let (time, fine) = (self.time(), self.span(FINE));
         let watch = self.watched().0;
@@ -333,7 +352,8 @@ pub(crate) trait Traverse {
         Ok(self.watched().0.jumps_ahead())
     }
 
-    /// Returns whether the equations hold the solution at a kink nearby, after steps have become too short.
+    /// Returns whether the equations hold the solution at a kink nearby, after steps have become
+    /// too short.
     fn hold_any_tie(&mut self) -> Result<bool, SolveError> {
         let mut next = 0;
         self.watched().0.loose_until = f64::NEG_INFINITY;
@@ -347,8 +367,9 @@ pub(crate) trait Traverse {
         Ok(false)
     }
 
-    /// Moves the state to the threshold of a switch, within tolerances of one unknown, if the equations hold it there, as the levels of two vessels that have
-    /// become equal; whether they do. Otherwise the solution would be led across and back without end.
+    /// Moves the state to the threshold of a switch, within tolerances of one unknown, if the
+    /// equations hold it there, as the levels of two vessels that have become equal; whether they
+    /// do. Otherwise the solution would be led across and back without end.
     fn hold_tie(&mut self, switch: usize) -> Result<bool, SolveError> {
         let time = self.time();
         let explicit = self.is_explicit();
@@ -448,8 +469,9 @@ pub(crate) trait Traverse {
         Ok(fired)
     }
 
-    /// Looks for motion that does not show nearby because it is slow compared with the size of what moves. It has to show on the way, too: what rests at its
-    /// threshold and would move only further on, `max(x - 1, 0)`, does not move.
+    /// Looks for motion that does not show nearby because it is slow compared with the size of what
+    /// moves. It has to show on the way, too: what rests at its threshold and would move only
+    /// further on, `max(x - 1, 0)`, does not move.
     fn look_far_ahead(&mut self, ahead: f64) -> Result<(), SolveError> {
         for far in FAR {
             for (k, part) in PARTS.into_iter().enumerate() {
@@ -463,7 +485,8 @@ pub(crate) trait Traverse {
         Ok(())
     }
 
-    /// Looks at the root functions at a state of the last step; whether a condition has become true before.
+    /// Looks at the root functions at a state of the last step; whether a condition has become true
+    /// before.
     fn has_passed(&mut self, t: f64) -> Result<bool, SolveError> {
         if self.watched().0.is_empty() {
             return Ok(false);
@@ -478,7 +501,8 @@ pub(crate) trait Traverse {
         self.move_by(ROUNDING, time)?;
         self.watched().0.take_noise();
         if self.watched().0.is_lost_in_noise() {
-            // A root function that jumps here, `if h < 1 then 1 else -1`, is as clear as any other on both sides.
+            // A root function that jumps here, `if h < 1 then 1 else -1`, is as clear as any other
+            // on both sides.
             self.move_by(WIDER * ROUNDING, time)?;
             self.watched().0.take_jumps();
         }
@@ -529,7 +553,8 @@ pub(crate) trait Traverse {
         Ok(())
     }
 
-    /// Goes to a time within the last step once more, and looks at the root functions there and ahead of it.
+    /// Goes to a time within the last step once more, and looks at the root functions there and
+    /// ahead of it.
     fn look_behind(&mut self, at: f64, ahead: f64) -> Result<(), SolveError> {
         self.interpolate(at)?;
         self.stop_at(at);

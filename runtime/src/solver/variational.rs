@@ -1,9 +1,12 @@
 //! Derivatives of the unknowns along directions, integrated behind them with their own steps.
 //!
-//! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear: with the derivative of a backward differentiation formula,
-//! S' = c S + R, one factorisation of F_y + c F_y' gives all columns (the staggered direct method of M. Caracotsios and W. E. Stewart, *Comput. Chem. Eng.* 9 (1985) 359).
-//! What IDA knows of y between two of its steps gives F_y anywhere, so that S has its own steps and order: fewer steps than y where its tolerance
-//! is looser, more where y rests and S does not. Nothing is kept but the last values of S: each step is one pass over them, a solution, and one pass for the error.
+//! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear:
+//! with the derivative of a backward differentiation formula, S' = c S + R, one factorisation of
+//! F_y + c F_y' gives all columns (the staggered direct method of M. Caracotsios and W. E. Stewart,
+//! *Comput. Chem. Eng.* 9 (1985) 359). What IDA knows of y between two of its steps gives F_y
+//! anywhere, so that S has its own steps and order: fewer steps than y where its tolerance is
+//! looser, more where y rests and S does not. Nothing is kept but the last values of S: each step
+//! is one pass over them, a solution, and one pass for the error.
 
 mod formula;
 
@@ -27,7 +30,8 @@ const FIRST: f64 = 10.0;
 /// Local errors of many steps add up: each is held to the tolerance over this.
 const MARGIN: f64 = 2.0;
 
-/// Part of the step that the error would allow: of the present order, of the one below and of the one above.
+/// Part of the step that the error would allow: of the present order, of the one below and of the
+/// one above.
 const SAFETY: [f64; 3] = [1.1, 1.2, 1.3];
 
 /// Bounds of the change from step to step: less is not worth it, more is not stable.
@@ -198,7 +202,8 @@ impl Variational {
         &self.history.points[0][self.size.own..]
     }
 
-    /// Begins with derivatives of the differential unknowns at a consistent state: those of the algebraic ones, and rates, follow.
+    /// Begins with derivatives of the differential unknowns at a consistent state: those of the
+    /// algebraic ones, and rates, follow.
     pub(super) fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
         (self.history.known, self.pace.order, self.pace.length, self.pace.steady, self.pace.steps) = (1, 1, 0.0, 0, 0);
         self.history.times[0] = time;
@@ -265,7 +270,8 @@ impl Variational {
         Ok(())
     }
 
-    /// Goes on as far as steps fit into what the unknowns have come to, `to`; exactly to it if that is the `end`.
+    /// Goes on as far as steps fit into what the unknowns have come to, `to`; exactly to it if that
+    /// is the `end`.
     pub(super) fn catch_up(&mut self, bridge: &mut Bridge, to: f64, end: f64) -> Result<(), Stuck> {
         let Path { passed, count, .. } = &mut self.path;
         if to > passed[*count - 1].time {
@@ -333,7 +339,8 @@ impl Variational {
         self.path.count -= behind;
     }
 
-    /// Finds the state of the unknowns at a time: on IDA's polynomial in its last step, by Hermite's interpolation in those before.
+    /// Finds the state of the unknowns at a time: on IDA's polynomial in its last step, by
+    /// Hermite's interpolation in those before.
     fn place(&mut self, bridge: &mut Bridge, time: f64) -> Result<(), Stuck> {
         self.path.inside.time = time;
         if self.path.count < 2 || time >= self.path.passed[self.path.count - 2].time {
@@ -411,7 +418,8 @@ impl Variational {
         Ok(())
     }
 
-    /// Root mean square of the difference of the next values to their prediction, in tolerances of a step.
+    /// Root mean square of the difference of the next values to their prediction, in tolerances of
+    /// a step.
     fn distance(&self) -> f64 {
         let own = self.size.own;
         let part = |range: std::ops::Range<usize>, rtol: f64| {
@@ -422,7 +430,8 @@ impl Variational {
             * ((part(0..own, self.tolerances.rtol[0]) + part(own..self.size.all, self.tolerances.rtol[1])) / self.tolerances.tested).sqrt()
     }
 
-    /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted behind the unknowns; NaN is further than all.
+    /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted
+    /// behind the unknowns; NaN is further than all.
     fn largest(&self, new: &[f64]) -> Option<usize> {
         let size = |at: usize| {
             let size = (new[at] - self.predicted[at]).abs() / (self.tolerances.atol[at] + self.tolerances.rtol[0] * new[at].abs());
@@ -446,7 +455,8 @@ impl Variational {
         false
     }
 
-    /// Length and order of what follows a step with this error; looked at anew when order and length have been the same for a while.
+    /// Length and order of what follows a step with this error; looked at anew when order and
+    /// length have been the same for a while.
     fn choose(&mut self, error: f64) {
         self.pace.steady += 1;
         // Behind the beginning, where every step allows a longer one, each is looked at.
@@ -529,7 +539,8 @@ fn points(all: &[Vec<f64>]) -> Points<'_> {
     std::array::from_fn(|i| &all[i][..])
 }
 
-/// Absolute tolerances of each derivative, infinite for what is not tested, and relative ones of those of unknowns and of integrals.
+/// Absolute tolerances of each derivative, infinite for what is not tested, and relative ones of
+/// those of unknowns and of integrals.
 fn tolerances(system: &dyn System, settings: &Settings, integrals: usize) -> (Box<[f64]>, [f64; 2]) {
     let (width, loose) = (system.directions(), settings.looseness);
     let tested = |(&atol, &differential): (&f64, &bool)| {

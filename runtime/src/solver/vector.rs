@@ -1,12 +1,13 @@
 //! SUNDIALS vectors with own content and operations.
 //!
-//! IDA sees a vector as a content pointer and a table of operations. Debian's serial vectors run scalar loops, which
-//! take four fifths of a solve with 1700 unknowns; here the table points to the vectorised loops of
-//! [`kernels`](super::kernels). There are two tables of the same functions (`operations`): one compiled for AVX2 and FMA, one for any
-//! processor. Both give the same bits.
+//! IDA sees a vector as a content pointer and a table of operations. Debian's serial vectors run
+//! scalar loops, which take four fifths of a solve with 1700 unknowns; here the table points to the
+//! vectorised loops of [`kernels`](super::kernels). There are two tables of the same functions
+//! (`operations`): one compiled for AVX2 and FMA, one for any processor. Both give the same bits.
 //!
-//! [`Vector`] owns a vector, [`Handle`] is one that SUNDIALS lends to a callback; both give its [`Content`], which is safe to use. All
-//! vectors that SUNDIALS meets here were made by [`Vector`], or cloned from one by SUNDIALS.
+//! [`Vector`] owns a vector, [`Handle`] is one that SUNDIALS lends to a callback; both give its
+//! [`Content`], which is safe to use. All vectors that SUNDIALS meets here were made by [`Vector`],
+//! or cloned from one by SUNDIALS.
 
 mod operations;
 #[cfg(test)]
@@ -26,7 +27,8 @@ pub(crate) use operations::Operations;
 /// Target of the content pointer of a vector.
 pub(crate) struct Content {
     length: usize,
-    /// `count` blocks, which the content owns. The rest of the last one is zero whatever IDA does with the vector.
+    /// `count` blocks, which the content owns. The rest of the last one is zero whatever IDA does
+    /// with the vector.
     blocks: NonNull<Block>,
     count: usize,
     /// Shared data of the vectors of an integrator.
@@ -42,8 +44,8 @@ pub(crate) struct Content {
 
 /// Shared data of the vectors of an integrator: passes over numbers that can be merged or skipped.
 ///
-/// IDA's error test adds two vectors and asks for the norm of the sum, which is taken in the pass of the addition; and
-/// the norm of the corrections is known from Newton's method.
+/// IDA's error test adds two vectors and asks for the norm of the sum, which is taken in the pass
+/// of the addition; and the norm of the corrections is known from Newton's method.
 #[derive(Default)]
 pub(crate) struct Shared {
     /// The present error weights, and how often they were set.
@@ -57,7 +59,8 @@ impl Shared {
     /// The error weights were set anew: no norm is known.
     ///
     /// # Safety
-    /// The weights live as long as SUNDIALS works on vectors that share this, and have as many blocks.
+    /// The weights live as long as SUNDIALS works on vectors that share this, and have as many
+    /// blocks.
     pub(crate) unsafe fn renew(&self, weights: &Handle) {
         self.weights.set(Some(weights.content));
         self.age.set(self.age.get() + 1);
@@ -86,7 +89,8 @@ impl Content {
     /// The entries.
     #[inline]
     pub(crate) fn entries(&self) -> &[f64] {
-        // SAFETY: the content owns `count` blocks of `LANES` numbers each, which are at least `length`.
+        // SAFETY: the content owns `count` blocks of `LANES` numbers each, which are at least
+        // `length`.
         unsafe { std::slice::from_raw_parts(self.blocks.as_ptr().cast(), self.length) }
     }
 
@@ -114,7 +118,8 @@ impl Content {
 impl Drop for Content {
     fn drop(&mut self) {
         let blocks = ptr::slice_from_raw_parts_mut(self.blocks.as_ptr(), self.count);
-        // SAFETY: so many blocks were leaked from a box when the content was made, and no other code frees them.
+        // SAFETY: so many blocks were leaked from a box when the content was made, and no other
+        // code frees them.
         drop(unsafe { Box::from_raw(blocks) });
     }
 }
@@ -129,8 +134,9 @@ impl Handle {
     /// The handle of a vector that SUNDIALS gives.
     ///
     /// # Safety
-    /// `raw` is a vector of [`Vector`]'s making that lives as long as the handle. While a reference from the handle lives, no code writes
-    /// the vector; while an exclusive one lives, no code reads it either.
+    /// `raw` is a vector of [`Vector`]'s making that lives as long as the handle. While a reference
+    /// from the handle lives, no code writes the vector; while an exclusive one lives, no code
+    /// reads it either.
     #[inline]
     pub(crate) unsafe fn new(raw: N_Vector) -> Self {
         // SAFETY: by the contract, so that the content is one of `allocate`'s, which is not null.
@@ -185,7 +191,8 @@ impl Vector {
     fn make(length: usize, operations: Operations, context: &Context, shared: Option<Rc<Shared>>) -> Self {
         let table = ptr::from_ref(operations.table()).cast_mut(); // SUNDIALS only reads it
         let raw = allocate(Content::new(length, context.clone(), shared), table);
-        // SAFETY: just made, and freed by `Drop` only; the pointer is lent to SUNDIALS by those who hold the vector.
+        // SAFETY: just made, and freed by `Drop` only; the pointer is lent to SUNDIALS by those who
+        // hold the vector.
         Self(unsafe { Handle::new(raw) })
     }
 }
@@ -208,7 +215,8 @@ impl DerefMut for Vector {
 
 impl Drop for Vector {
     fn drop(&mut self) {
-        // SAFETY: made by `allocate`, and not freed by anyone else: SUNDIALS frees its own clones only.
+        // SAFETY: made by `allocate`, and not freed by anyone else: SUNDIALS frees its own clones
+        // only.
         unsafe { free(self.0.raw) }
     }
 }

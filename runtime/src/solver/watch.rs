@@ -1,8 +1,11 @@
-//! The conditions of events and switches of the equations: whether they hold, and when they become true.
+//! The conditions of events and switches of the equations: whether they hold, and when they become
+//! true.
 //!
-//! A root function is positive where its condition holds. It is evaluated at every accepted state, and bounded in between (see
-//! [`inside`](super::inside)); where a condition has become true, the instant is found on the interpolating polynomial. At the threshold itself, to rounding, a
-//! sign says nothing: there the motion decides, so that a condition that has just become true and is being left may become true again.
+//! A root function is positive where its condition holds. It is evaluated at every accepted state,
+//! and bounded in between (see [`inside`](super::inside)); where a condition has become true, the
+//! instant is found on the interpolating polynomial. At the threshold itself, to rounding, a sign
+//! says nothing: there the motion decides, so that a condition that has just become true and is
+//! being left may become true again.
 
 use std::os::raw::c_int;
 
@@ -16,7 +19,8 @@ use super::{RootKind, RootRole};
 pub struct Edge {
     /// It holds.
     pub holds: bool,
-    /// While the root function is no larger than this it is at the threshold; negative: it is away from it.
+    /// While the root function is no larger than this it is at the threshold; negative: it is away
+    /// from it.
     band: f64,
 }
 
@@ -26,19 +30,23 @@ const AWAY: f64 = -1.0;
 /// A tie is looked for within so many tolerances.
 pub(crate) const TIE: f64 = 10.0;
 
-/// Part of the tolerance of a root function below which the search inside of a step does not look for events and jumps.
+/// Part of the tolerance of a root function below which the search inside of a step does not look
+/// for events and jumps.
 const SHALLOW: f64 = 1e-3;
 
-/// Motion is steady that at a part of the way is no less than this part of what it would be there along a straight line.
+/// Motion is steady that at a part of the way is no less than this part of what it would be there
+/// along a straight line.
 const STEADY: f64 = 0.5;
 
 /// The polynomial of a kink over a step is widened by this part.
 const DOUBT: f64 = 0.5;
 
-/// A kink is far from its threshold that is further than this many times what its values bow over a step.
+/// A kink is far from its threshold that is further than this many times what its values bow over a
+/// step.
 const BOW: f64 = 4.0;
 
-/// Factor by which a kink may move faster than in the last step that was examined, and number of such steps for which it is not examined.
+/// Factor by which a kink may move faster than in the last step that was examined, and number of
+/// such steps for which it is not examined.
 const SUDDEN: f64 = 8.0;
 const QUIET: f64 = 32.0;
 
@@ -104,7 +112,8 @@ pub(crate) struct Watch {
     unseen: Box<[bool]>,
     /// Kinks that may hold the solution: steps have become short there.
     tied: Box<[bool]>,
-    /// Kinks that are looked at in every step, and a time before which they are far from their thresholds.
+    /// Kinks that are looked at in every step, and a time before which they are far from their
+    /// thresholds.
     loose: Vec<usize>,
     quiet: f64,
     /// Root functions at three quarters of the last step, one after another.
@@ -124,7 +133,8 @@ pub(crate) struct Watch {
     moved: Box<[f64]>,
     /// Their motion just before the integration stopped, if it was evaluated.
     before: Box<[f64]>,
-    /// Time of the last accepted state in which nothing happened, and of the first one after something did.
+    /// Time of the last accepted state in which nothing happened, and of the first one after
+    /// something did.
     pub since: f64,
     pub until: f64,
     /// Something has happened between the two.
@@ -176,7 +186,8 @@ impl Watch {
         self.undefined = self.undefined.or(found);
     }
 
-    /// Takes the values at an accepted state; whether a condition has become true since the one before.
+    /// Takes the values at an accepted state; whether a condition has become true since the one
+    /// before.
     pub(super) fn accept(&mut self, time: f64) -> bool {
         self.passed = (0..self.edges.len()).any(|i| self.stops(i));
         if self.passed {
@@ -189,7 +200,8 @@ impl Watch {
         for ((edge, &value), (kind, &unseen)) in each {
             let band = edge.band.max(0.0);
             if matches!(kind.role, RootRole::Kink { .. }) {
-                // Inside of a step that one has its value of the beginning of the step, until the integration stops.
+                // Inside of a step that one has its value of the beginning of the step, until the
+                // integration stops.
                 if value.abs() > band && !unseen {
                     *edge = Edge::known(value > 0.0);
                 }
@@ -244,7 +256,8 @@ impl Watch {
         self.kinds.iter().any(|kind| kind.role != RootRole::Event)
     }
 
-    /// Returns `true` if bounds say that no event happens and no equation jumps. Kinks of which they say nothing are kept: they are looked at in every step.
+    /// Returns `true` if bounds say that no event happens and no equation jumps. Kinks of which
+    /// they say nothing are kept: they are looked at in every step.
     pub(super) fn is_safe(&mut self) -> bool {
         let n = self.edges.len();
         self.loose.clear();
@@ -299,8 +312,8 @@ impl Watch {
         to <= self.quiet && self.loose.len() == self.edges.len()
     }
 
-    /// Notes how long kinks that have not been passed in a step stay far from their thresholds, by their motion in it: values as for
-    /// [`is_loose_still`](Self::is_loose_still).
+    /// Notes how long kinks that have not been passed in a step stay far from their thresholds, by
+    /// their motion in it: values as for [`is_loose_still`](Self::is_loose_still).
     pub(super) fn note_quiet(&mut self, (from, to): (f64, f64)) {
         let step = to - from;
         let steps = self.loose.iter().map(|&i| {
@@ -311,7 +324,8 @@ impl Watch {
         self.quiet = to + step * steps.fold(QUIET, f64::min);
     }
 
-    /// Returns `true` if such kinks have not been passed to and fro in a step that ends at the present values, by the values in its middle, which are those ahead.
+    /// Returns `true` if such kinks have not been passed to and fro in a step that ends at the
+    /// present values, by the values in its middle, which are those ahead.
     pub(super) fn is_loose_still(&self) -> bool {
         self.loose.iter().all(|&i| {
             let (begin, middle, end) = (self.begin[i], self.ahead[i], self.values[i]);
@@ -357,12 +371,14 @@ impl Watch {
         matches!(self.kinds[i].role, RootRole::Kink { .. }) && edge.holds != (value > 0.0) && value.abs() > edge.band.max(0.0)
     }
 
-    /// Returns `true` if another kink of the same quantity changed its sign, too: the step may have passed a form in between.
+    /// Returns `true` if another kink of the same quantity changed its sign, too: the step may have
+    /// passed a form in between.
     fn interferes(&self, i: usize) -> bool {
         (0..self.edges.len()).any(|j| j != i && self.kinds[j].role == self.kinds[i].role && self.is_kink_that_changed(j))
     }
 
-    /// Begins a search inside of the step that ends at the present values, where the bounds are those within the tolerances of its unknowns.
+    /// Begins a search inside of the step that ends at the present values, where the bounds are
+    /// those within the tolerances of its unknowns.
     pub(super) fn begin_search(&mut self, closely: Closely) {
         let n = self.edges.len();
         for i in 0..n {
@@ -385,8 +401,9 @@ impl Watch {
         open == Open::Everything || self.unseen.contains(&true) || self.tied.contains(&true)
     }
 
-    /// Returns `true` if a kink may have changed its sign to and fro, by its values at the quarters of the step: bounds of a long expression say little. The polynomial
-    /// through them is widened by half than it is.
+    /// Returns `true` if a kink may have changed its sign to and fro, by its values at the quarters
+    /// of the step: bounds of a long expression say little. The polynomial through them is widened
+    /// by half than it is.
     fn may_hide(&self, i: usize) -> bool {
         // The sign at the beginning is that of the end.
         let [a, b, c] = [0, 1, 2].map(|k| self.samples[k][i]);
@@ -421,14 +438,16 @@ impl Watch {
         self.edges.iter().zip(&self.values).any(|(edge, &value)| value == 0.0 || edge.stays(value))
     }
 
-    /// The root function of an event that is nearest to its threshold in terms of its motion to the values ahead, within a thousand times that.
+    /// The root function of an event that is nearest to its threshold in terms of its motion to the
+    /// values ahead, within a thousand times that.
     pub(crate) fn nearest(&self) -> Option<usize> {
         let distance = |i: usize| self.values[i].abs() / (self.ahead[i] - self.values[i]).abs();
         let near = (0..self.edges.len()).filter(|&i| self.is_event(i) && distance(i) < 1e3);
         near.min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
     }
 
-    /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all that are at their threshold.
+    /// Takes the motion from the values ahead, where it did not show yet; whether it shows for all
+    /// that are at their threshold.
     pub(crate) fn look_ahead(&mut self) -> bool {
         for i in 0..self.motion.len() {
             if self.motion[i] == 0.0 {
@@ -445,7 +464,8 @@ impl Watch {
         })
     }
 
-    /// Notes motion to values that are further ahead, and at a part of the way there: it counts where it goes along with the way.
+    /// Notes motion to values that are further ahead, and at a part of the way there: it counts
+    /// where it goes along with the way.
     pub(crate) fn note_far(&mut self, first: bool, part: f64) {
         for i in 0..self.moved.len() {
             let motion = self.ahead[i] - self.values[i];
@@ -457,7 +477,8 @@ impl Watch {
         }
     }
 
-    /// Takes what was noted, where motion did not show yet; whether it shows for all that are at their threshold.
+    /// Takes what was noted, where motion did not show yet; whether it shows for all that are at
+    /// their threshold.
     pub(crate) fn take_far(&mut self) -> bool {
         for (motion, &far) in self.motion.iter_mut().zip(&self.moved) {
             if *motion == 0.0 {
@@ -467,7 +488,8 @@ impl Watch {
         self.motion_shows()
     }
 
-    /// Conditions after the state, the inputs or the equations may have changed; whether one became true. Switches are taken as they are.
+    /// Conditions after the state, the inputs or the equations may have changed; whether one became
+    /// true. Switches are taken as they are.
     pub(super) fn settle(&mut self, fired: &mut [c_int]) -> bool {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
@@ -485,7 +507,8 @@ impl Watch {
         fired.iter().any(|&f| f != 0)
     }
 
-    /// Returns `true` if a condition that is away from its threshold moves over it within rounding or `reach` times the motion to the values ahead.
+    /// Returns `true` if a condition that is away from its threshold moves over it within rounding
+    /// or `reach` times the motion to the values ahead.
     pub(crate) fn is_about_to_stop(&self, reach: f64) -> bool {
         (0..self.edges.len()).filter(|&i| self.edges[i].band < 0.0 && self.is_event(i)).any(|i| {
             let (edge, value, motion) = (self.edges[i], self.values[i], self.ahead[i] - self.values[i]);
@@ -512,12 +535,14 @@ impl Watch {
         self.noise.copy_from_slice(&self.moved);
     }
 
-    /// Returns `true` if a value that is not zero differs by as much at a state that is the same but for rounding.
+    /// Returns `true` if a value that is not zero differs by as much at a state that is the same
+    /// but for rounding.
     pub(crate) fn is_lost_in_noise(&self) -> bool {
         self.noise.iter().zip(&self.values).any(|(&noise, &value)| value != 0.0 && noise >= value.abs())
     }
 
-    /// Takes the differences at states that differ by more than rounding: where they are no larger the root function jumps, and has no noise.
+    /// Takes the differences at states that differ by more than rounding: where they are no larger
+    /// the root function jumps, and has no noise.
     pub(crate) fn take_jumps(&mut self) {
         for (noise, moved) in self.noise.iter_mut().zip(&self.moved) {
             if *moved <= 2.0 * *noise {
@@ -526,7 +551,8 @@ impl Watch {
         }
     }
 
-    /// Returns `true` if the integration has stopped at a threshold from which the equations lead back.
+    /// Returns `true` if the integration has stopped at a threshold from which the equations lead
+    /// back.
     pub(crate) fn is_led_back(&self) -> bool {
         (0..self.edges.len()).any(|i| !self.edges[i].holds && self.stops(i) && self.ahead[i] < self.values[i])
     }
@@ -538,9 +564,11 @@ impl Watch {
         }
     }
 
-    /// Conditions where the integration has stopped. What moves over its threshold to within rounding or `reach` times the motion to the values ahead
-    /// has passed it; what the equations move the other way has not, whatever the polynomial says, unless they turn round at the threshold, where they have
-    /// moved it by more than rounding. A strict condition waits for the motion after what happens here, but for that.
+    /// Conditions where the integration has stopped. What moves over its threshold to within
+    /// rounding or `reach` times the motion to the values ahead has passed it; what the equations
+    /// move the other way has not, whatever the polynomial says, unless they turn round at the
+    /// threshold, where they have moved it by more than rounding. A strict condition waits for the
+    /// motion after what happens here, but for that.
     pub(crate) fn arrive(&mut self, reach: f64, fired: &mut [c_int]) {
         self.note_undefined();
         (self.at_switch, self.at_tie, self.switched) = (true, false, None);

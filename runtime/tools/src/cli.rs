@@ -1,7 +1,7 @@
 //! The command `smpl`.
 //!
-//! [`run`] takes the arguments and gives the exit status: 0 done, 1 a file is missing or invalid, 2 the command line is invalid. Results go
-//! to standard output, everything else to standard error.
+//! [`run`] takes the arguments and gives the exit status: 0 done, 1 a file is missing or invalid, 2
+//! the command line is invalid. Results go to standard output, everything else to standard error.
 
 mod check;
 mod compile;
@@ -199,7 +199,8 @@ fn dispatch(command: Command) -> Result<(), Failed> {
     }
 }
 
-/// Deeply nested text makes deep recursions; and whatever goes wrong inside, a message is all that comes out.
+/// Deeply nested text makes deep recursions; and whatever goes wrong inside, a message is all that
+/// comes out.
 fn on_a_deep_stack(work: impl FnOnce() -> i32 + Send) -> i32 {
     std::panic::set_hook(Box::new(|info| {
         let at = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();

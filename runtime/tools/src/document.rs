@@ -1,9 +1,11 @@
-//! A model as a page to read: the whole of its text in reading order, equations typeset, with a flowsheet and a picture of a run.
+//! A model as a page to read: the whole of its text in reading order, equations typeset, with a
+//! flowsheet and a picture of a run.
 //!
-//! [`Source`] is the text with what it imports. The page says first what the model is in numbers, then follows the text statement after
-//! statement ([`statements`]): declarations become tables, equations displays, components separate chapters; `# ---- Title ----` is a
-//! heading, other comments are prose. Variants and options that are not in force come after it, then every name as it is seen from outside
-//! ([`names`]).
+//! [`Source`] is the text with what it imports. The page says first what the model is in numbers,
+//! then follows the text statement after statement ([`statements`]): declarations become tables,
+//! equations displays, components separate chapters; `# ---- Title ----` is a heading, other
+//! comments are prose. Variants and options that are not in force come after it, then every name as
+//! it is seen from outside ([`names`]).
 
 mod control;
 mod declarations;
@@ -36,7 +38,8 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Reads a model's file (of a compiled model the text next to it); `None` where there is no text.
+    /// Reads a model's file (of a compiled model the text next to it); `None` where there is no
+    /// text.
     #[must_use]
     pub(crate) fn read(path: &Path) -> Option<Self> {
         let path = if path.extension().is_some_and(|e| e == smpl_runtime::load::ARTEFACT_EXTENSION) {
@@ -60,7 +63,8 @@ pub(crate) struct Figure {
     pub path: String,
 }
 
-/// The page of a model in Markdown, mathematics between dollar signs. Without the text, only what is known from outside.
+/// The page of a model in Markdown, mathematics between dollar signs. Without the text, only what
+/// is known from outside.
 #[must_use]
 pub(crate) fn markdown(model: &CompiledModel, source: Option<&Source>, figures: &[Figure]) -> String {
     let interface = model.interface();

@@ -1,7 +1,7 @@
 //! Models as text of other tools: `smpl export` and `smpl.export`.
 //!
-//! The compiler writes the text; what it needs of the runtime is the nominal point: parameters at their means with the given ones in
-//! place, and the start of an episode that belongs to them.
+//! The compiler writes the text; what it needs of the runtime is the nominal point: parameters at
+//! their means with the given ones in place, and the start of an episode that belongs to them.
 
 mod archive;
 mod fmu;
@@ -29,7 +29,8 @@ pub enum ExportFault {
     Setup(#[from] SetupError),
 }
 
-/// The files of a model in the form of a target, the main one first; `stem` is the name of its file without the ending.
+/// The files of a model in the form of a target, the main one first; `stem` is the name of its file
+/// without the ending.
 ///
 /// # Errors
 /// See [`ExportFault`].

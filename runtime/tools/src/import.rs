@@ -1,11 +1,13 @@
 //! Models of other forms, turned into text of the language: `smpl import`.
 //!
-//! What is read is [SBML](https://sbml.org), Levels 2 and 3, the core. The XML is read into an SBML model in which no relevant part is
-//! passed over; every symbol gets its role (parameter, state, discrete variable, named expression, algebraic variable); then the text is written.
-//! What cannot be carried is refused with its line.
+//! What is read is [SBML](https://sbml.org), Levels 2 and 3, the core. The XML is read into an SBML
+//! model in which no relevant part is passed over; every symbol gets its role (parameter, state,
+//! discrete variable, named expression, algebraic variable); then the text is written. What cannot
+//! be carried is refused with its line.
 //!
-//! SBML converts no units, and the language does. Units are declared only where both give the same numbers: the text is written with units and without,
-//! both are compiled, and where the first does not compile or computes anything else, the second is taken and says why.
+//! SBML converts no units, and the language does. Units are declared only where both give the same
+//! numbers: the text is written with units and without, both are compiled, and where the first does
+//! not compile or computes anything else, the second is taken and says why.
 
 mod convert;
 mod document;
@@ -116,7 +118,8 @@ fn compiled(text: &str) -> Result<Loaded, String> {
     })
 }
 
-/// Returns `true` if two models compute the same numbers: parameters, initial values, rates, conditions, and what events set.
+/// Returns `true` if two models compute the same numbers: parameters, initial values, rates,
+/// conditions, and what events set.
 fn agree(first: &Loaded, second: &Loaded) -> bool {
     let (a, b) = (numbers(&first.model), numbers(&second.model));
     let close = |(x, y): (&f64, &f64)| x == y || x.is_nan() && y.is_nan() || (x - y).abs() <= 1e-9 * x.abs().max(y.abs());

@@ -1,7 +1,7 @@
 //! smpl-tools: the command `smpl` and the documents, pictures and files that it makes.
 //!
-//! [`cli`] is the command. [`picture`] draws trajectories, [`export`] writes models for other tools, [`import`] reads models of other tools, [`lsp`]
-//! serves editors.
+//! [`cli`] is the command. [`picture`] draws trajectories, [`export`] writes models for other
+//! tools, [`import`] reads models of other tools, [`lsp`] serves editors.
 
 #![warn(unreachable_pub)]
 

@@ -1,9 +1,11 @@
 //! `smpl live`: the page that shows a model while it is written.
 //!
-//! A thread listens on 127.0.0.1. [`http`] lets through what the page itself asks for, by a secret in the address, and sends the page's own files
-//! ([`bundle`]). Each page has a [`connection`]: a WebSocket with messages of the language server and requests of the page. Requests that take
-//! time wait in [`jobs`], in which newer ones replace older ones; [`models`] keeps what was compiled, so that a slider only runs a model again
-//! ([`run`]); [`folder`] is all that a page may read and write.
+//! A thread listens on 127.0.0.1. [`http`] lets through what the page itself asks for, by a secret
+//! in the address, and sends the page's own files ([`bundle`]). Each page has a [`connection`]: a
+//! WebSocket with messages of the language server and requests of the page. Requests that take time
+//! wait in [`jobs`], in which newer ones replace older ones; [`models`] keeps what was compiled, so
+//! that a slider only runs a model again ([`run`]); [`folder`] is all that a page may read and
+//! write.
 
 mod bundle;
 mod connection;
@@ -70,7 +72,8 @@ impl Drop for Place<'_> {
 }
 
 impl Server {
-    /// Listens on a port of 127.0.0.1, a free one for 0. `path` is a model, a folder, or nothing: the working folder.
+    /// Listens on a port of 127.0.0.1, a free one for 0. `path` is a model, a folder, or nothing:
+    /// the working folder.
     ///
     /// # Errors
     /// One sentence on a path without models, a port in use, or a program without the page.

@@ -1,8 +1,10 @@
-//! The language server: `smpl lsp` on standard input and output, and the same session for other transports.
+//! The language server: `smpl lsp` on standard input and output, and the same session for other
+//! transports.
 //!
-//! A [`Session`] takes messages of the language server protocol one by one, in their order, and sends answers through a channel. Answers that
-//! need the syntax alone are given at once; texts are compiled on a thread of the session's own, which abandons a text when a newer one
-//! arrives. The questions themselves are those of the crate `smpl_analysis`.
+//! A [`Session`] takes messages of the language server protocol one by one, in their order, and
+//! sends answers through a channel. Answers that need the syntax alone are given at once; texts are
+//! compiled on a thread of the session's own, which abandons a text when a newer one arrives. The
+//! questions themselves are those of the crate `smpl_analysis`.
 
 mod answers;
 mod commands;

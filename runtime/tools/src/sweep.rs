@@ -15,7 +15,8 @@ pub(crate) struct Sweep {
 const MOST_VALUES: usize = 100_000;
 
 impl Sweep {
-    /// Reads `NAME=LOW..HIGH:COUNT` (evenly spaced, the ends included; `:COUNTlog` by equal factors) or `NAME=A,B,C`.
+    /// Reads `NAME=LOW..HIGH:COUNT` (evenly spaced, the ends included; `:COUNTlog` by equal
+    /// factors) or `NAME=A,B,C`.
     ///
     /// # Errors
     /// In words, what is expected.

@@ -1,4 +1,5 @@
-//! Tests of a model's text: found in its file, grouped by what they are compiled with, run and judged.
+//! Tests of a model's text: found in its file, grouped by what they are compiled with, run and
+//! judged.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,7 +53,8 @@ pub(crate) struct Group {
     options: LoadOptions,
 }
 
-/// The tests of a text whose names contain a filter, grouped by scenario, level and variants in the order of the text.
+/// The tests of a text whose names contain a filter, grouped by scenario, level and variants in the
+/// order of the text.
 #[must_use]
 pub(crate) fn groups(text: &str, filter: &str, options: &LoadOptions) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
@@ -274,7 +276,8 @@ fn reset_options(environment: &Environment, test: &Test) -> ResetOptions {
     options
 }
 
-/// The disturbances that a test sets, one value a step; before they are set they keep their initial values.
+/// The disturbances that a test sets, one value a step; before they are set they keep their initial
+/// values.
 fn records(environment: &Environment, test: &Test) -> BTreeMap<String, Vec<f64>> {
     let disturbances = &environment.catalogue().disturbances;
     let set = test.steps.iter().filter_map(|step| match step {

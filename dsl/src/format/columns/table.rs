@@ -1,9 +1,11 @@
 //! Columns of tables.
 //!
-//! Rows of plain numbers are aligned by their starts. Where the author has aligned the rows of a table, with units and expressions in them,
-//! with the names of the columns above, by ends or by decimal points, that stays.
+//! Rows of plain numbers are aligned by their starts. Where the author has aligned the rows of a
+//! table, with units and expressions in them, with the names of the columns above, by ends or by
+//! decimal points, that stays.
 
-/// Cells are compared again after each change, since what is put right may line up with more; this often.
+/// Cells are compared again after each change, since what is put right may line up with more; this
+/// often.
 const TURNS: usize = 4;
 
 /// The lines of a table, its rows in columns.

@@ -1,7 +1,10 @@
-//! The unknowns that root functions read, at the steps that IDA accepted last: what bounds of them over the last step follow from.
+//! The unknowns that root functions read, at the steps that IDA accepted last: what bounds of them
+//! over the last step follow from.
 //!
-//! IDA's polynomial of order q goes through the last q + 1 accepted states (K. E. Brenan, S. L. Campbell and L. R. Petzold, *Numerical Solution of
-//! Initial-Value Problems in Differential-Algebraic Equations*, SIAM 1996, section 5.2). It is kept by Newton's divided differences.
+//! IDA's polynomial of order q goes through the last q + 1 accepted states (K. E. Brenan, S. L.
+//! Campbell and L. R. Petzold, *Numerical Solution of Initial-Value Problems in
+//! Differential-Algebraic Equations*, SIAM 1996, section 5.2). It is kept by Newton's divided
+//! differences.
 
 use crate::solver::System;
 use crate::solver::enclosure::Enclosure;
@@ -11,7 +14,8 @@ use crate::solver::vector::Vector;
 /// Points of the polynomial of the highest order.
 const POINTS: usize = 6;
 
-/// Changes over the last steps from which a box around the last one follows, and how much faster unknowns may be within a step than over these.
+/// Changes over the last steps from which a box around the last one follows, and how much faster
+/// unknowns may be within a step than over these.
 const CHANGES: usize = 3;
 const FASTER: f64 = 8.0;
 
@@ -76,7 +80,8 @@ impl History {
         true
     }
 
-    /// A box around the unknowns over the last step, found at once: they move within it by no more than so much faster than over the last few steps.
+    /// A box around the unknowns over the last step, found at once: they move within it by no more
+    /// than so much faster than over the last few steps.
     pub(super) fn surround(&mut self) {
         let step = self.times[0] - self.times[1];
         let changes = CHANGES.min(self.count - 1);
@@ -101,8 +106,8 @@ impl History {
         self.times[1]
     }
 
-    /// Makes the polynomial of the last step, of this order if there are points for it, and bounds the unknowns over the step: by the straight line between its
-    /// ends, and by what bows it.
+    /// Makes the polynomial of the last step, of this order if there are points for it, and bounds
+    /// the unknowns over the step: by the straight line between its ends, and by what bows it.
     pub(super) fn enclose_step(&mut self, order: usize) {
         let degree = order.min(self.count.saturating_sub(1));
         self.degree = degree;
@@ -113,7 +118,8 @@ impl History {
                 *per_time = 1.0 / (times[k] - times[k - level]);
             }
         }
-        // The product of the first two factors lies between -step²/4 and 0; the other times are before both ends of the step.
+        // The product of the first two factors lies between -step²/4 and 0; the other times are
+        // before both ends of the step.
         let step = times[0] - times[1];
         let bow = 0.25 * step * step;
         for (i, &at) in self.unknowns.iter().enumerate() {

@@ -68,7 +68,8 @@ pub(crate) unsafe extern "C" fn message(
 /// Keeps a text.
 ///
 /// # Safety
-/// `text` is null or a C string, and `data` the address of a [`Message`] that no other code uses during the call.
+/// `text` is null or a C string, and `data` the address of a [`Message`] that no other code uses
+/// during the call.
 unsafe fn keep(text: *const c_char, data: *mut c_void) {
     if !text.is_null() {
         // SAFETY: by the contract, both.

@@ -31,10 +31,12 @@ struct Point<'a> {
 }
 
 impl Consistent {
-    /// As [`initialise`](Self::initialise), with the solution inside of the bounds of the algebraic unknowns where there is one: the guess is moved
-    /// into the bounds, steps are cut there, and other guesses are tried. With `first` unset, `y` was consistent before: the nearest
-    /// solution inside is taken if it is nearer than the one outside, or if that one is far away; where that one is far away and none is found inside, there is no
-    /// solution. A first solution is outside of the bounds where none is found inside.
+    /// As [`initialise`](Self::initialise), with the solution inside of the bounds of the algebraic
+    /// unknowns where there is one: the guess is moved into the bounds, steps are cut there, and
+    /// other guesses are tried. With `first` unset, `y` was consistent before: the nearest solution
+    /// inside is taken if it is nearer than the one outside, or if that one is far away; where that
+    /// one is far away and none is found inside, there is no solution. A first solution is outside
+    /// of the bounds where none is found inside.
     pub(in super::super) fn begin(
         &mut self,
         bridge: &mut Bridge,
@@ -94,7 +96,8 @@ impl Consistent {
         if solved { self.initialise(bridge, t, y, yp) } else { result }
     }
 
-    /// Newton's method on the algebraic rows with steps that are cut at the bounds; then as [`initialise`](Self::initialise).
+    /// Newton's method on the algebraic rows with steps that are cut at the bounds; then as
+    /// [`initialise`](Self::initialise).
     fn initialise_inside(
         &mut self,
         bridge: &mut Bridge,
@@ -120,7 +123,8 @@ impl Consistent {
         Err(self.diverged(ITERATIONS, f64::INFINITY))
     }
 
-    /// Moves `y` along the correction, cut at the bounds, as far as the next correction gets smaller or a bound is met.
+    /// Moves `y` along the correction, cut at the bounds, as far as the next correction gets
+    /// smaller or a bound is met.
     fn step_inside(&mut self, bridge: &mut Bridge, bounds: &Bounds, t: f64, point: (&mut Vector, &Vector), limits: (f64, f64)) -> bool {
         let ((y, yp), (size, enough)) = (point, limits);
         self.work.entries_mut().copy_from_slice(self.spread.entries());

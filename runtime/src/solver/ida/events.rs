@@ -26,7 +26,8 @@ impl Ida {
 }
 
 impl Ida {
-    /// Brings algebraic unknowns to their equations, which the polynomial meets to the tolerance only. Where there is no solution, it has to do.
+    /// Brings algebraic unknowns to their equations, which the polynomial meets to the tolerance
+    /// only. Where there is no solution, it has to do.
     fn correct_algebraic(&mut self, t: f64) {
         let bridge = self.memory.bridge_mut();
         let (Some((later, rate)), Some(consistent)) = (&mut self.later, &mut self.consistent) else { return };

@@ -67,7 +67,8 @@ impl Ida {
         self.configure_quadratures()
     }
 
-    /// Implicit systems, and those whose algebraic unknowns are left out of the error test: which unknowns are differential.
+    /// Implicit systems, and those whose algebraic unknowns are left out of the error test: which
+    /// unknowns are differential.
     fn configure_identity(&mut self, system: &dyn System) -> Result<(), SolveError> {
         let masks = !self.settings.tests_algebraic() && self.shape.differential.contains(&false);
         if !masks && system.is_explicit() {

@@ -21,8 +21,10 @@ impl Ida {
         Err(self.trouble().unwrap_or(SolveError::ImplicitInitialConditions { time, flag, unknown }))
     }
 
-    /// As [`calculate_initial_condition`](Self::calculate_initial_condition), with the algebraic unknowns inside of their bounds where
-    /// such values are found from other guesses. With `first` unset the unknowns were consistent before: values that have jumped out of the bounds are not.
+    /// As [`calculate_initial_condition`](Self::calculate_initial_condition), with the algebraic
+    /// unknowns inside of their bounds where such values are found from other guesses. With `first`
+    /// unset the unknowns were consistent before: values that have jumped out of the bounds are
+    /// not.
     pub(super) fn search_initial_condition(&mut self, first: bool) -> Result<(), SolveError> {
         let Some(bounds) = self.shape.bounds.clone() else { return self.calculate_initial_condition() };
         let algebraic: Vec<usize> = (0..self.shape.differential.len()).filter(|&i| !self.shape.differential[i]).collect();

@@ -1,13 +1,17 @@
-//! Sparse LU of the diagonal blocks of the block triangular form, with pivots that are chosen beforehand.
+//! Sparse LU of the diagonal blocks of the block triangular form, with pivots that are chosen
+//! beforehand.
 //!
-//! The unknowns of a flowsheet follow each other: cells down a reactor, units down a plant. Strongly connected components,
-//! taken in the order of the flow, make the Newton matrix block triangular; only the blocks on its diagonal are factorised,
-//! and what is before them is used as it is (Duff, Erisman, Reid, *Direct Methods for Sparse Matrices*, 2nd ed., chapter 6).
-//! Small blocks are inverted, large ones factorised; then a [`Substitution`](super::substitution::Substitution) solves.
+//! The unknowns of a flowsheet follow each other: cells down a reactor, units down a plant.
+//! Strongly connected components, taken in the order of the flow, make the Newton matrix block
+//! triangular; only the blocks on its diagonal are factorised, and what is before them is used as
+//! it is (Duff, Erisman, Reid, *Direct Methods for Sparse Matrices*, 2nd ed., chapter 6). Small
+//! blocks are inverted, large ones factorised; then a
+//! [`Substitution`](super::substitution::Substitution) solves.
 //!
-//! Pivots are the diagonal entries, in an order of minimum degree: Newton matrices of stiff systems,
-//! c − ∂f/∂y, allow that nearly always, and where an entry turns out to be no pivot, [`Klu`] takes over until
-//! [`Block::forget`]. Structure is found once; a factorisation is then a pass over numbers whose places are known.
+//! Pivots are the diagonal entries, in an order of minimum degree: Newton matrices of stiff
+//! systems, c − ∂f/∂y, allow that nearly always, and where an entry turns out to be no pivot,
+//! [`Klu`] takes over until [`Block::forget`]. Structure is found once; a factorisation is then a
+//! pass over numbers whose places are known.
 
 mod elimination;
 mod order;
@@ -19,7 +23,8 @@ use super::super::{Pattern, SolveError};
 use super::{Klu, Singular};
 use structure::{Cursor, Step, Structure};
 
-/// A pivot may differ from its diagonal entry by this factor, up or down: beyond it, half of the digits are roundoff.
+/// A pivot may differ from its diagonal entry by this factor, up or down: beyond it, half of the
+/// digits are roundoff.
 const GROWTH: f64 = 1e8;
 
 /// Dimension up to which a block is inverted.
@@ -84,7 +89,8 @@ impl Block {
         }
     }
 
-    /// Writes the solution for `factor` times `b` to `x`; does nothing and returns false where partial pivoting is in force.
+    /// Writes the solution for `factor` times `b` to `x`; does nothing and returns false where
+    /// partial pivoting is in force.
     pub(crate) fn solve_scaled(&mut self, factor: f64, b: &[f64], x: &mut [f64]) -> bool {
         if !self.pivoted {
             self.structure.substitution.load(factor, b);
@@ -93,7 +99,8 @@ impl Block {
         !self.pivoted
     }
 
-    /// Solves for a matrix of `width` right-hand sides, row after row; does nothing and returns false where partial pivoting is in force.
+    /// Solves for a matrix of `width` right-hand sides, row after row; does nothing and returns
+    /// false where partial pivoting is in force.
     pub(crate) fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) -> bool {
         if !self.pivoted {
             self.structure.substitution.run_many(width, b, space);
@@ -125,8 +132,8 @@ impl Block {
         let factors = substitution.factors_mut();
         let mut small = small.cursor();
         for step in &mut *steps {
-            // SAFETY: entries and places come from a pattern with `values.len()` entries (just compared) and from
-            // the substitution made with it.
+            // SAFETY: entries and places come from a pattern with `values.len()` entries (just
+            // compared) and from the substitution made with it.
             let serves = unsafe {
                 match *step {
                     Step::Small { size, single: true } => invert::<1>(&mut small, size, values, factors),
@@ -207,7 +214,8 @@ mod tests {
         assert!(got.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-11), "{got:?} {expected:?}");
     }
 
-    /// Cells in a chain, each of `size` unknowns that all depend on each other and on the cell before.
+    /// Cells in a chain, each of `size` unknowns that all depend on each other and on the cell
+    /// before.
     fn chain(cells: usize, size: usize) -> Vec<Vec<f64>> {
         let n = cells * size;
         let entry = |row: usize, column: usize| match row / size - (column / size).min(row / size) {

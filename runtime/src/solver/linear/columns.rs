@@ -6,7 +6,8 @@ pub(crate) trait Columns {
     fn piece<const B: usize>(&mut self, first: usize);
 }
 
-/// Does the work for all columns of a row. Pieces may overlap, so the work has to set its results rather than to add to them.
+/// Does the work for all columns of a row. Pieces may overlap, so the work has to set its results
+/// rather than to add to them.
 #[inline(always)]
 pub(crate) fn each_piece(width: usize, work: &mut impl Columns) {
     let mut first = 0;
@@ -36,8 +37,9 @@ pub(crate) fn each_piece(width: usize, work: &mut impl Columns) {
     }
 }
 
-/// Defines a function that runs another one compiled for AVX2 with fused products, where the processor has them. Products that are summed go through
-/// `f64::mul_add`, which rounds once with or without: same results.
+/// Defines a function that runs another one compiled for AVX2 with fused products, where the
+/// processor has them. Products that are summed go through `f64::mul_add`, which rounds once with
+/// or without: same results.
 macro_rules! with_fma {
     ($(#[$meta:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $portable:path) => {
         $(#[$meta])*

@@ -5,11 +5,12 @@ use super::{Singular, subtract};
 
 /// A full matrix by columns and its factors.
 ///
-/// Products are rounded before they are summed (no fused multiply-add), so that every processor gives the same bits
-/// without a second compilation.
+/// Products are rounded before they are summed (no fused multiply-add), so that every processor
+/// gives the same bits without a second compilation.
 pub(crate) struct Dense {
     n: usize,
-    /// The matrix, then its factors: L below the diagonal (its diagonal of ones left out), U above, the diagonal inverted.
+    /// The matrix, then its factors: L below the diagonal (its diagonal of ones left out), U above,
+    /// the diagonal inverted.
     columns: Box<[f64]>,
     /// Row exchanged with row k in step k.
     pivots: Box<[u32]>,
@@ -45,7 +46,8 @@ impl Dense {
         (0..self.n).try_for_each(|k| self.eliminate(k))
     }
 
-    /// Step k of the elimination: pivot, column k of L, and its products taken from the columns to the right.
+    /// Step k of the elimination: pivot, column k of L, and its products taken from the columns to
+    /// the right.
     fn eliminate(&mut self, k: usize) -> Result<(), Singular> {
         let n = self.n;
         let (left, right) = self.columns.split_at_mut((k + 1) * n);
@@ -125,7 +127,8 @@ impl Dense {
     pub(crate) fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         let b = &mut b[..n];
-        // Rows were exchanged only to the right of each column, so exchanges and elimination go step by step.
+        // Rows were exchanged only to the right of each column, so exchanges and elimination go
+        // step by step.
         for (k, column) in self.columns.chunks_exact(n).enumerate() {
             b.swap(k, self.pivots[k] as usize);
             let factor = b[k];

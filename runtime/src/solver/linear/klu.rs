@@ -11,13 +11,15 @@ use sundials_sys::{
 use super::super::{IdaFlag, Pattern, SolveError};
 use super::Singular;
 
-/// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to the power 2/3).
+/// Reciprocal condition below which old pivots are not trusted (SUNDIALS' own bound, roundoff to
+/// the power 2/3).
 const ILL_CONDITIONED: f64 = 3.7e-11;
 
 /// KLU's number for the ordering by columns' approximate minimum degree.
 const COLAMD: c_long = 1;
 
-/// A sparse matrix, analysed once, factorised with pivoting once, and then again with the same pivots as long as they serve.
+/// A sparse matrix, analysed once, factorised with pivoting once, and then again with the same
+/// pivots as long as they serve.
 pub(crate) struct Klu {
     n: c_long,
     column_starts: Box<[c_long]>,
@@ -47,12 +49,13 @@ impl Klu {
             pivot: true,
             values: vec![0.0; pattern.entries()].into_boxed_slice(),
         };
-        // SAFETY: the arrays are the pattern that the constructor was given, whose starts and rows fit one another; KLU keeps no address of
-        // them.
+        // SAFETY: the arrays are the pattern that the constructor was given, whose starts and rows
+        // fit one another; KLU keeps no address of them.
         unsafe {
             klu_l_defaults(&mut *klu.common);
             klu.common.ordering = COLAMD;
-            // Blocks only cost time (a third of a solve with 1700 unknowns) unless they are needed to find pivots.
+            // Blocks only cost time (a third of a solve with 1700 unknowns) unless they are needed
+            // to find pivots.
             klu.common.btf = c_long::from(!has_diagonal(pattern));
             klu.symbolic = klu_l_analyze(klu.n, klu.column_starts.as_mut_ptr(), klu.rows.as_mut_ptr(), &mut *klu.common);
         }
@@ -81,8 +84,8 @@ impl Klu {
 
     /// Factorises with the pivots of the last time; false if they do not serve.
     fn refactorise(&mut self) -> bool {
-        // SAFETY: the arrays have the pattern that was analysed; there are factors, since only a success of
-        // `factorise_with_pivoting` clears `pivot`.
+        // SAFETY: the arrays have the pattern that was analysed; there are factors, since only a
+        // success of `factorise_with_pivoting` clears `pivot`.
         unsafe {
             let done = klu_l_refactor(
                 self.column_starts.as_mut_ptr(),
@@ -113,7 +116,8 @@ impl Klu {
     }
 
     fn factorise_with_pivoting(&mut self) -> Result<(), Singular> {
-        // SAFETY: the arrays have the pattern that was analysed; old factors are freed once, which sets their address to null.
+        // SAFETY: the arrays have the pattern that was analysed; old factors are freed once, which
+        // sets their address to null.
         unsafe {
             if !self.numeric.is_null() {
                 klu_l_free_numeric(&mut self.numeric, &mut *self.common);
@@ -153,7 +157,8 @@ fn has_diagonal(pattern: &Pattern) -> bool {
 
 impl Drop for Klu {
     fn drop(&mut self) {
-        // SAFETY: made by KLU with the same settings, or null, which it leaves alone; freed here only.
+        // SAFETY: made by KLU with the same settings, or null, which it leaves alone; freed here
+        // only.
         unsafe {
             klu_l_free_numeric(&mut self.numeric, &mut *self.common);
             klu_l_free_symbolic(&mut self.symbolic, &mut *self.common);

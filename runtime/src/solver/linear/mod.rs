@@ -20,7 +20,8 @@ const SMALL: usize = 3;
 /// Dimension up to which it is the faster one for patterns at least half full.
 const MEDIUM: usize = 48;
 
-/// Products of a factorisation for each of a substitution up to which it is called cheap: their operands are anywhere, and eight substitutions take as long.
+/// Products of a factorisation for each of a substitution up to which it is called cheap: their
+/// operands are anywhere, and eight substitutions take as long.
 const CHEAP: usize = 2;
 
 /// The linear solver that a system got.
@@ -28,7 +29,8 @@ const CHEAP: usize = 2;
 pub enum Method {
     /// LU with partial pivoting of the full matrix.
     Dense,
-    /// Sparse LU of the diagonal blocks of the block triangular form, its pivots on the diagonal where they serve.
+    /// Sparse LU of the diagonal blocks of the block triangular form, its pivots on the diagonal
+    /// where they serve.
     Block,
     /// SuiteSparse's KLU, with partial pivoting.
     Klu,
@@ -76,7 +78,8 @@ impl Factorisation {
         let full = pattern.entries() * 2 >= n * n;
         let method = match choice {
             LinearSolver::Auto if n <= SMALL || (n <= MEDIUM && full) => Method::Dense,
-            // A list of the places of all products, which is what the sparse one works by, would be that of n^3/3 of them.
+            // A list of the places of all products, which is what the sparse one works by, would be
+            // that of n^3/3 of them.
             LinearSolver::Auto if full && Block::largest(pattern)? * 2 > n => Method::Dense,
             LinearSolver::Auto | LinearSolver::Block => Method::Block,
             LinearSolver::Dense => Method::Dense,
@@ -134,7 +137,8 @@ impl Factorisation {
         }
     }
 
-    /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their solutions. `space` is working memory.
+    /// Replaces many right-hand sides, a matrix of `width` columns, row after row, by their
+    /// solutions. `space` is working memory.
     pub(crate) fn solve_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
         let done = match self {
             Self::Dense(dense) => {
@@ -176,7 +180,8 @@ fn subtract(row: &mut [f64], factor: f64, other: &[f64]) {
 mod tests {
     use super::*;
 
-    /// An arrow with a cycle, its rows of very different size, so that rows are scaled and exchanged.
+    /// An arrow with a cycle, its rows of very different size, so that rows are scaled and
+    /// exchanged.
     fn system(n: usize, shift: f64) -> (Pattern, Vec<f64>) {
         let (mut starts, mut rows, mut values) = (vec![0], vec![], vec![]);
         for column in 0..n {
@@ -221,7 +226,8 @@ mod tests {
         }
     }
 
-    /// Of a full matrix the sparse one would list the places of n^3/3 products; of a triangular one, as full by half, there are none.
+    /// Of a full matrix the sparse one would list the places of n^3/3 products; of a triangular
+    /// one, as full by half, there are none.
     #[test]
     fn large_matrices_that_are_one_full_block_are_taken_as_dense() {
         let n = 60;

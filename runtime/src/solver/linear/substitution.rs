@@ -1,9 +1,11 @@
 //! Triangular substitution as a list of sums, four at a time where they look alike.
 //!
-//! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums that do not wait for each
-//! other form a level (Anderson & Saad, *Solving sparse triangular linear systems on parallel computers*, Int. J. High Speed
-//! Computing 1, 1989). Cells of a grid and rows of a block give sums of the same form in the same level: four of them make a
-//! chunk, whose results are adjacent and are then the four operands of chunks that follow, one load instead of four.
+//! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums
+//! that do not wait for each other form a level (Anderson & Saad, *Solving sparse triangular linear
+//! systems on parallel computers*, Int. J. High Speed Computing 1, 1989). Cells of a grid and rows
+//! of a block give sums of the same form in the same level: four of them make a chunk, whose
+//! results are adjacent and are then the four operands of chunks that follow, one load instead of
+//! four.
 
 mod schedule;
 
@@ -101,7 +103,8 @@ impl Columns for Sum<'_> {
 }
 
 impl Substitution {
-    /// From the terms of each sum, of which each uses earlier sums only, and the sum that each unknown is.
+    /// From the terms of each sum, of which each uses earlier sums only, and the sum that each
+    /// unknown is.
     pub(super) fn new(sums: &[Vec<Source>], unknowns: &[u32]) -> (Self, Places) {
         let Schedule { chunks, operands, factors, slots, end, places } = Schedule::new(sums, unknowns.len());
         let substitution = Self {
@@ -131,7 +134,8 @@ impl Substitution {
         self.operand[..self.results.len()].iter_mut().zip(b).for_each(|(operand, b)| *operand = factor * b);
     }
 
-    /// Replaces a matrix of `width` right-hand sides, row after row, by the unknowns. `space` is working memory.
+    /// Replaces a matrix of `width` right-hand sides, row after row, by the unknowns. `space` is
+    /// working memory.
     pub(crate) fn run_many(&mut self, width: usize, b: &mut [f64], space: &mut Vec<f64>) {
         if self.rows.is_empty() {
             self.list_rows();
@@ -193,8 +197,9 @@ impl Substitution {
         let operand = results;
         let mut factors = self.factors.as_ptr().cast::<[f64; LANES]>();
         let mut places = self.operands.as_ptr();
-        // SAFETY: `Schedule` made turns that add up to the number of factors and places, operands that were written before, or
-        // are followed by `LANES` numbers, and results that follow the right-hand side in the order of the chunks.
+        // SAFETY: `Schedule` made turns that add up to the number of factors and places, operands
+        // that were written before, or are followed by `LANES` numbers, and results that follow the
+        // right-hand side in the order of the chunks.
         unsafe {
             results = results.add(self.results.len());
             for chunk in &self.chunks {

@@ -1,9 +1,10 @@
 //! Newton's method of a step, as IDA's own, in fewer passes over the vectors.
 //!
-//! IDA's implementation calls a vector operation for each addition, sign and copy; a correction takes some twenty streams of
-//! memory, and the systems of a control problem are so small, or memory so near, that these are a third of the time. Here an
-//! iteration is residual, solve, and one pass that corrects and measures. The convergence test is that of IDA
-//! (Hindmarsh et al., *SUNDIALS*, ACM TOMS 31, 2005, section 2.3): steps and orders are the same.
+//! IDA's implementation calls a vector operation for each addition, sign and copy; a correction
+//! takes some twenty streams of memory, and the systems of a control problem are so small, or
+//! memory so near, that these are a third of the time. Here an iteration is residual, solve, and
+//! one pass that corrects and measures. The convergence test is that of IDA (Hindmarsh et al.,
+//! *SUNDIALS*, ACM TOMS 31, 2005, section 2.3): steps and orders are the same.
 
 use std::os::raw::{c_int, c_long, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -52,13 +53,13 @@ impl Step {
     /// The step that IDA is taking.
     ///
     /// # Safety
-    /// `memory` is IDA's, in a call of the nonlinear solver. While the step lives, its vectors are used through it alone, but for callbacks
-    /// that IDA makes while no reference to them lives.
+    /// `memory` is IDA's, in a call of the nonlinear solver. While the step lives, its vectors are
+    /// used through it alone, but for callbacks that IDA makes while no reference to them lives.
     unsafe fn of(memory: *mut c_void) -> Self {
         let (mut time, mut cj, mut data) = (0.0, 0.0, ptr::null_mut());
         let [mut predicted, mut predicted_derivative, mut y, mut yp, mut residual] = [ptr::null_mut(); 5];
-        // SAFETY: IDA's memory by the contract; the other pointers are to variables of this function. Within a call of the nonlinear solver
-        // IDA has all five vectors, different ones.
+        // SAFETY: IDA's memory by the contract; the other pointers are to variables of this
+        // function. Within a call of the nonlinear solver IDA has all five vectors, different ones.
         unsafe {
             IDAGetNonlinearSystemData(
                 memory,
@@ -78,8 +79,9 @@ impl Step {
     }
 }
 
-/// A solve. The bridge and the vectors are reached through their addresses, since IDA's setup comes back to them by its own callbacks; no
-/// reference to them lives across that, because [`set_up`](Self::set_up) takes the solve exclusively.
+/// A solve. The bridge and the vectors are reached through their addresses, since IDA's setup comes
+/// back to them by its own callbacks; no reference to them lives across that, because
+/// [`set_up`](Self::set_up) takes the solve exclusively.
 struct Solve {
     bridge: Lent<Bridge>,
     memory: *mut c_void,
@@ -94,8 +96,9 @@ impl Solve {
     /// The solve that IDA asks for.
     ///
     /// # Safety
-    /// `memory` is IDA's, in a call of the nonlinear solver, of which the other arguments are. No code uses the bridge and the vectors during
-    /// that but by this, and by callbacks that IDA makes.
+    /// `memory` is IDA's, in a call of the nonlinear solver, of which the other arguments are. No
+    /// code uses the bridge and the vectors during that but by this, and by callbacks that IDA
+    /// makes.
     unsafe fn new(bridge: Lent<Bridge>, memory: *mut c_void, sum: Handle, weights: Handle, tolerance: f64) -> Self {
         // SAFETY: by the contract.
         let step = unsafe { Step::of(memory) };
@@ -132,7 +135,8 @@ impl Solve {
         }
     }
 
-    /// Sets nonnegative states that are slightly negative at the end of the step to zero, and asks for a shorter step where one is far below.
+    /// Sets nonnegative states that are slightly negative at the end of the step to zero, and asks
+    /// for a shorter step where one is far below.
     fn raise(&mut self) -> c_int {
         let Bridge { nonnegative, .. } = &mut *self.bridge;
         nonnegative.begin();
@@ -151,9 +155,11 @@ impl Solve {
         0
     }
 
-    /// The residual of the prediction, and a new Jacobian where `setup` says so, and whether the old one failed.
+    /// The residual of the prediction, and a new Jacobian where `setup` says so, and whether the
+    /// old one failed.
     fn begin(&mut self, setup: Option<bool>) -> c_int {
-        // Where there is no correction yet, y and y' are the predictions; only a setup looks at IDA's copies.
+        // Where there is no correction yet, y and y' are the predictions; only a setup looks at
+        // IDA's copies.
         let outcome = self.evaluate_prediction();
         let Some(stale) = setup.filter(|_| outcome == 0) else { return outcome };
         // A fault of the residual would be reported as one of the Jacobian.
@@ -238,8 +244,9 @@ impl Solve {
     fn set_up(&mut self, stale: bool) -> c_int {
         let Some(setup) = self.bridge.newton.setup else { return -1 };
         let mut current = 0;
-        // SAFETY: IDA's own function with IDA's memory, within a call of the nonlinear solver, as IDA's own solvers call it. It comes back to
-        // the bridge and the vectors, to which no reference lives now: the solve is borrowed exclusively.
+        // SAFETY: IDA's own function with IDA's memory, within a call of the nonlinear solver, as
+        // IDA's own solvers call it. It comes back to the bridge and the vectors, to which no
+        // reference lives now: the solve is borrowed exclusively.
         let outcome = unsafe { setup(c_int::from(stale), &mut current, self.memory) };
         let newton = &mut self.bridge.newton;
         newton.current = true;
@@ -252,7 +259,8 @@ impl Solve {
 /// The bridge behind the nonlinear solver.
 ///
 /// # Safety
-/// `solver` is that of [`object`], in a call of IDA's: no other code has a reference to the bridge (see `callbacks::entry`).
+/// `solver` is that of [`object`], in a call of IDA's: no other code has a reference to the bridge
+/// (see `callbacks::entry`).
 unsafe fn bridge(solver: SUNNonlinearSolver) -> Lent<Bridge> {
     // SAFETY: by the contract.
     unsafe { Lent::new((*solver).content.cast()) }
@@ -285,7 +293,8 @@ unsafe extern "C" fn solver_solve(
     outcome.unwrap_or_else(|_| solve.bridge.panicked())
 }
 
-/// IDA's functions for residual, linear solve and convergence are not needed: all of them lead back here.
+/// IDA's functions for residual, linear solve and convergence are not needed: all of them lead back
+/// here.
 unsafe extern "C" fn take_system(_: SUNNonlinearSolver, _: SUNNonlinSolSysFn) -> c_int {
     0
 }

@@ -20,7 +20,8 @@ const MEMORY: u32 = 10;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 60;
 
-/// An error, in tolerances, that comes from a kink if forcings turn often. (Orbits have such errors too where bodies meet, and nothing to correct.)
+/// An error, in tolerances, that comes from a kink if forcings turn often. (Orbits have such errors
+/// too where bodies meet, and nothing to correct.)
 const DOUBTFUL: f64 = 10.0;
 
 /// Steps of this part of an interval are those at switches.
@@ -29,8 +30,9 @@ const TINY: f64 = 1e-9;
 /// The least bound of steps where a forcing turns, in roundings of time.
 const SHORTEST: f64 = 64.0;
 
-/// Tolerances by which algebraic unknowns may be off before they are brought to their equations; and the part of a control step below which steps are not
-/// repeated for that alone: what is still off then jumps.
+/// Tolerances by which algebraic unknowns may be off before they are brought to their equations;
+/// and the part of a control step below which steps are not repeated for that alone: what is still
+/// off then jumps.
 const STRAY: f64 = 10.0;
 const SHORT: f64 = 1e-8;
 
@@ -41,7 +43,8 @@ pub(super) struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Consistent values and derivatives at a time; `first` where the algebraic unknowns are guesses.
+    /// Consistent values and derivatives at a time; `first` where the algebraic unknowns are
+    /// guesses.
     pub(crate) fn initialise(&mut self, t: f64, first: bool) -> Result<(), SolveError> {
         self.one.frame.t = t;
         self.make_consistent(t, first)?;
@@ -164,7 +167,8 @@ impl Run<'_> {
         self.arrive(to, last)
     }
 
-    /// Tries to come to the end by one step of the short pair, if that suits it; whether its error is within the tolerance.
+    /// Tries to come to the end by one step of the short pair, if that suits it; whether its error
+    /// is within the tolerance.
     fn leap(&mut self, left: f64) -> bool {
         let frame = &mut self.one.frame;
         if !self.one.methods.leaps(left, frame) {
@@ -228,9 +232,11 @@ impl Run<'_> {
         false
     }
 
-    /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly implicit step meets by their slopes at its beginning alone,
-    /// and the error test leaves out. Returns what that changes, in tolerances: the step times the change of the rates, or the unknowns themselves, of which
-    /// the polynomial is then as far off; not a number where there is no solution.
+    /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly
+    /// implicit step meets by their slopes at its beginning alone, and the error test leaves out.
+    /// Returns what that changes, in tolerances: the step times the change of the rates, or the
+    /// unknowns themselves, of which the polynomial is then as far off; not a number where there is
+    /// no solution.
     fn close(&mut self, last: bool) -> f64 {
         let OneStep { frame, algebra, inside: [before, rates], longest_interval, .. } = &mut *self.one;
         let Some(algebra) = algebra else { return 0.0 };
@@ -313,7 +319,8 @@ impl Run<'_> {
         self.one.methods.prepare(&mut self.one.frame, self.system);
     }
 
-    /// Derivatives at the end of the step: those of the equations; of algebraic unknowns, where they are wanted, those of the polynomial.
+    /// Derivatives at the end of the step: those of the equations; of algebraic unknowns, where
+    /// they are wanted, those of the polynomial.
     fn derive_end(&mut self, to: f64, by_polynomial: bool) {
         let one = &mut *self.one;
         if by_polynomial {
@@ -573,7 +580,8 @@ impl Traverse for Run<'_> {
         methods.interpolate(t, &mut frame.begin, Some(&mut *derivative));
         nonnegative.clip(frame.y_mut());
         if let Some(algebra) = algebra {
-            // The polynomial meets their equations to the tolerance only. Where there is no solution, it has to do.
+            // The polynomial meets their equations to the tolerance only. Where there is no
+            // solution, it has to do.
             let n = frame.n;
             let _ = algebra.solve(self.system, t, frame.y_mut(), entries_mut(rates, n));
         }

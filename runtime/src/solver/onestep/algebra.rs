@@ -20,8 +20,8 @@ pub(crate) struct Algebra {
     yp: Vector,
 }
 
-// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and does not share; a system is lent during
-// a call only.
+// SAFETY: all pointers, and all reference counts, are to objects that this instance alone owns and
+// does not share; a system is lent during a call only.
 unsafe impl Send for Algebra {}
 
 /// Reason why there are no consistent values: what was noted, or what Newton's method met.
@@ -52,14 +52,16 @@ impl Algebra {
         })
     }
 
-    /// As [`solve`](Self::solve), inside of the bounds where an integration begins; see [`Consistent::begin`].
+    /// As [`solve`](Self::solve), inside of the bounds where an integration begins; see
+    /// [`Consistent::begin`].
     pub(super) fn begin(&mut self, system: &mut dyn System, (t, first): (f64, bool), y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         let found = self.with(system, |this| this.consistent.begin(&mut this.bridge, first, t, (&mut this.y, &mut this.yp)));
         self.take(t, found, (y, yp))
     }
 
-    /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`, the others to zero.
+    /// Makes the algebraic unknowns of `y` consistent and sets the differential entries of `yp`,
+    /// the others to zero.
     pub(super) fn solve(&mut self, system: &mut dyn System, t: f64, y: &mut [f64], yp: &mut [f64]) -> Result<(), Failure> {
         self.y.entries_mut().copy_from_slice(y);
         let found = self.with(system, |this| this.consistent.initialise(&mut this.bridge, t, &mut this.y, &mut this.yp));
@@ -73,8 +75,8 @@ impl Algebra {
         Ok(())
     }
 
-    /// The same where `y` is nearly consistent and `off` is F(t, y, 0) there: without another Jacobian, if that serves.
-    /// `last` where an advance ends.
+    /// The same where `y` is nearly consistent and `off` is F(t, y, 0) there: without another
+    /// Jacobian, if that serves. `last` where an advance ends.
     pub(super) fn follow(
         &mut self,
         system: &mut dyn System,

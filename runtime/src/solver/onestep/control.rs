@@ -1,7 +1,8 @@
 //! The length of steps.
 //!
-//! By the error of the last two steps (a PI controller: K. Gustafsson, Control of error and convergence in ODE solvers, thesis, Lund 1992). Powers are taken by
-//! square roots, which every processor rounds alike.
+//! By the error of the last two steps (a PI controller: K. Gustafsson, Control of error and
+//! convergence in ODE solvers, thesis, Lund 1992). Powers are taken by square roots, which every
+//! processor rounds alike.
 
 /// Part of the step that the error would allow.
 const SAFETY: f64 = 0.9;
@@ -13,7 +14,8 @@ const MOST: f64 = 8.0;
 /// Errors below count as this.
 const SMALLEST_ERROR: f64 = 1e-9;
 
-/// An error below this is worth the longest step of the method of order eight: `(SAFETY / MOST)^8` is a little more.
+/// An error below this is worth the longest step of the method of order eight: `(SAFETY / MOST)^8`
+/// is a little more.
 const NEGLIGIBLE: f64 = 2e-8;
 
 /// Growth of a method's error with its step.
@@ -41,8 +43,9 @@ fn root32(x: f64) -> f64 {
     x.sqrt().sqrt().sqrt().sqrt().sqrt()
 }
 
-/// The first step for rates that amount to `speed` tolerances a unit of time and change by `change` of them in one, found by a look `ahead`; infinite for
-/// what rests (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, section II.4).
+/// The first step for rates that amount to `speed` tolerances a unit of time and change by `change`
+/// of them in one, found by a look `ahead`; infinite for what rests (Hairer, Nørsett and Wanner,
+/// *Solving Ordinary Differential Equations I*, section II.4).
 pub(super) fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
     let most = speed.max(change);
     if most == 0.0 {
@@ -100,7 +103,8 @@ impl Control {
         self.rejected = false;
     }
 
-    /// The step that the error of the one just accepted asks for; infinite where it was so small that growth alone is bounded.
+    /// The step that the error of the one just accepted asks for; infinite where it was so small
+    /// that growth alone is bounded.
     pub(crate) fn limit(&self, step: f64) -> f64 {
         if self.proposed < MOST * step { self.proposed } else { f64::INFINITY }
     }

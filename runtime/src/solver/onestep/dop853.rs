@@ -1,7 +1,9 @@
-//! Coefficients of DOP853: an explicit Runge–Kutta method of order 8 with error estimates of orders 5 and 3 and a dense output of order 7.
+//! Coefficients of DOP853: an explicit Runge–Kutta method of order 8 with error estimates of orders
+//! 5 and 3 and a dense output of order 7.
 //!
-//! P. J. Prince and J. R. Dormand, High order embedded Runge–Kutta formulae, *J. Comput. Appl. Math.* 7 (1981); estimates and dense output:
-//! E. Hairer, S. P. Nørsett and G. Wanner, *Solving Ordinary Differential Equations I*, 2nd edition (Springer, 1993), sections II.5, II.6 and II.10.
+//! P. J. Prince and J. R. Dormand, High order embedded Runge–Kutta formulae, *J. Comput. Appl.
+//! Math.* 7 (1981); estimates and dense output: E. Hairer, S. P. Nørsett and G. Wanner, *Solving
+//! Ordinary Differential Equations I*, 2nd edition (Springer, 1993), sections II.5, II.6 and II.10.
 //!
 //! Zeros are left out: a row goes with the stages that [`STAGES`] lists.
 

@@ -5,11 +5,13 @@ use super::dop853::*;
 use super::frame::{Frame, surround};
 use super::numbers::{Quad, Quads, bound_bow, combine, set, sum, weighted, widened, zeros};
 
-/// Factor of the error of order 5 where a step is doubtful: with it, 400 random chains of kinks (half waves, 1 to 24 in an interval, tolerances
-/// 1e-4 to 1e-8) were within half of their bound, without it one in 400 was beyond, for 3 % fewer evaluations.
+/// Factor of the error of order 5 where a step is doubtful: with it, 400 random chains of kinks
+/// (half waves, 1 to 24 in an interval, tolerances 1e-4 to 1e-8) were within half of their bound,
+/// without it one in 400 was beyond, for 3 % fewer evaluations.
 const DOUBT: f64 = 10.0;
 
-/// Factor of the error of order 3 where a kink may be in any step: as large as that of order 5 there, and seldom small with it.
+/// Factor of the error of order 3 where a kink may be in any step: as large as that of order 5
+/// there, and seldom small with it.
 const CHANCE: f64 = 0.03;
 
 /// Mean of the errors of orders 5 and 3, in tolerances, below which that of order 4 is within them.
@@ -50,7 +52,8 @@ impl Explicit {
         }
     }
 
-    /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
+    /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number
+    /// where something is not finite.
     pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         take_stages(frame.n, self, frame, system)
     }
@@ -82,8 +85,9 @@ impl Explicit {
         self.measure(frame)
     }
 
-    /// Hairer's combination of the two estimates of the error. Where the step passes a kink, each of them is a difference of rates before
-    /// and behind it, which vanishes for some of its places; attempts of different lengths would find such a place, so that both have to be
+    /// Hairer's combination of the two estimates of the error. Where the step passes a kink, each
+    /// of them is a difference of rates before and behind it, which vanishes for some of its
+    /// places; attempts of different lengths would find such a place, so that both have to be
     /// small, the one that is more exact by far.
     #[inline(always)]
     fn measure(&mut self, frame: &Frame) -> f64 {
@@ -119,14 +123,16 @@ impl Explicit {
         &self.error
     }
 
-    /// Returns `true` if the error of a method of order 4 would have been small in the last step: that between its estimates of orders 5 and 3.
+    /// Returns `true` if the error of a method of order 4 would have been small in the last step:
+    /// that between its estimates of orders 5 and 3.
     pub(crate) fn suits_less(&self, frame: &Frame) -> bool {
         let [fifth, third] = self.squares.map(|square| frame.h * frame.h * square / frame.n as f64);
         fifth * third < SMALL * SMALL * SMALL * SMALL
     }
 
-    /// The largest eigenvalue that the last step met times its length, about: rates and states of the last two stages (Hairer and Wanner,
-    /// *Solving Ordinary Differential Equations II*, section IV.2).
+    /// The largest eigenvalue that the last step met times its length, about: rates and states of
+    /// the last two stages (Hairer and Wanner, *Solving Ordinary Differential Equations II*,
+    /// section IV.2).
     pub(crate) fn stiffness(&self, frame: &Frame) -> f64 {
         let last = &self.k[10];
         let squares = |a: &[Quad], b: &[Quad]| {
@@ -139,15 +145,18 @@ impl Explicit {
         if states > 0.0 { frame.h * (rates / states).sqrt() } else { 0.0 }
     }
 
-    /// A box around the unknowns in some fours over the last step: they move by twice the fastest rate at most that the stages met.
+    /// A box around the unknowns in some fours over the last step: they move by twice the fastest
+    /// rate at most that the stages met.
     #[inline]
     pub(super) fn surround(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
         let [_, _, _, _, k6, k7, _, k9, k10, k11, _] = &self.k;
         surround(frame, fours, [&frame.begin_rates, k6, k7, k9, k10, k11, &frame.end_rates], (least, most));
     }
 
-    /// Bounds of the unknowns in some fours over the last step without its polynomial: those of Hermite's cubic, widened by as much as the rates of stages inside
-    /// of the step differ from its slopes. What is added to the cubic is zero at both ends, so that it is half of that at most.
+    /// Bounds of the unknowns in some fours over the last step without its polynomial: those of
+    /// Hermite's cubic, widened by as much as the rates of stages inside of the step differ from
+    /// its slopes. What is added to the cubic is zero at both ends, so that it is half of that at
+    /// most.
     pub(super) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
         let h = frame.h;
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, _] = &self.k;

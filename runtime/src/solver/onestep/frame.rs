@@ -23,12 +23,14 @@ pub(super) struct Frame {
     /// Unknowns where it begins and ends.
     pub begin: Quads,
     pub end: Quads,
-    /// Rates there, F(t, y, 0): derivatives on differential rows, what should be zero on algebraic ones.
+    /// Rates there, F(t, y, 0): derivatives on differential rows, what should be zero on algebraic
+    /// ones.
     pub begin_rates: Quads,
     pub end_rates: Quads,
     /// 1 on differential rows, 0 on algebraic ones and behind the last.
     pub mass: Quads,
-    /// 1 for unknowns in the error test; where there are derivatives along directions, how much each counts.
+    /// 1 for unknowns in the error test; where there are derivatives along directions, how much
+    /// each counts.
     tested: Quads,
     rtol: f64,
     atol: Quads,
@@ -163,7 +165,8 @@ impl Frame {
 /// Maximum ratio of the speed of unknowns between stages to that at stages.
 const FASTER: f64 = 2.0;
 
-/// A box around the unknowns in some fours, which move by no more over a step than so much faster than the fastest of these rates.
+/// A box around the unknowns in some fours, which move by no more over a step than so much faster
+/// than the fastest of these rates.
 #[inline(always)]
 pub(super) fn surround<const N: usize>(frame: &Frame, fours: &[u32], rates: [&Quads; N], (least, most): (&mut [Quad], &mut [Quad])) {
     let reach = FASTER * frame.h;

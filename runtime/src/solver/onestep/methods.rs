@@ -8,13 +8,15 @@ use super::numbers::Quad;
 use super::rosenbrock::Rosenbrock;
 use super::short::Short;
 
-/// A step of the explicit method times the largest eigenvalue from which on stability bounds it (6.1 on the negative axis, where an estimate below is as
-/// frequent as one above), how many of them tell, and how many others in a row say the contrary.
+/// A step of the explicit method times the largest eigenvalue from which on stability bounds it
+/// (6.1 on the negative axis, where an estimate below is as frequent as one above), how many of
+/// them tell, and how many others in a row say the contrary.
 const STABLE: f64 = 5.0;
 const MISFITS: u32 = 6;
 const CALM: u32 = 6;
 
-/// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one takes longer ones.
+/// A step of the Rosenbrock method times a bound of the eigenvalues below which the explicit one
+/// takes longer ones.
 const LOOSE: f64 = 1.0;
 
 /// Factors of the reach of the short pair: after an error that is too large, and after each
@@ -67,7 +69,8 @@ impl Methods {
         Ok(Self {
             rosenbrock: if stiff { Some(Rosenbrock::new(system, settings.linear_solver)?) } else { None },
             explicit: explicit.then(|| Explicit::new(system.dimension())),
-            // Derivatives grow where states do, whatever absolute tolerances say: what DOP853 has beyond the tolerance is kept for them.
+            // Derivatives grow where states do, whatever absolute tolerances say: what DOP853 has
+            // beyond the tolerance is kept for them.
             short: (explicit && system.directions() == 0).then(|| Short::new(system.dimension())),
             reach: 0.0,
             stiff,
@@ -106,7 +109,8 @@ impl Methods {
         self.reach
     }
 
-    /// Goes on with the explicit method, or with the other, where it is there, and with what is known of the short pair.
+    /// Goes on with the explicit method, or with the other, where it is there, and with what is
+    /// known of the short pair.
     pub(crate) fn take_up(&mut self, explicit: bool, reach: f64) {
         self.reach = reach;
         self.stiff = if explicit { self.explicit.is_none() } else { self.rosenbrock.is_some() };
@@ -122,7 +126,8 @@ impl Methods {
         self.rosenbrock.as_ref().map_or((0, 0), |r| r.place_of(entry))
     }
 
-    /// Returns `true` if a step of this length, all that is left, suits the short pair. Where forcings turn often, its estimate alone is too little to go by.
+    /// Returns `true` if a step of this length, all that is left, suits the short pair. Where
+    /// forcings turn often, its estimate alone is too little to go by.
     #[inline]
     pub(crate) fn leaps(&self, left: f64, frame: &Frame) -> bool {
         left <= ROUNDED * self.reach.abs() && !self.stiff && !frame.careful && self.short.is_some()
@@ -147,7 +152,8 @@ impl Methods {
         }
     }
 
-    /// Returns whether the error of the last step may be small by chance where the step passed a kink.
+    /// Returns whether the error of the last step may be small by chance where the step passed a
+    /// kink.
     pub(crate) fn may_miss_kinks(&self, frame: &Frame) -> bool {
         match &self.explicit {
             Some(explicit) if self.by == By::Explicit => explicit.careful_error(frame) > 1.0,
@@ -164,7 +170,8 @@ impl Methods {
         }
     }
 
-    /// Returns `true` if from the step that was accepted on the other method takes the steps, because it would have served better.
+    /// Returns `true` if from the step that was accepted on the other method takes the steps,
+    /// because it would have served better.
     pub(crate) fn choose(&mut self, frame: &Frame) -> bool {
         let misfit = match (&mut self.rosenbrock, &self.explicit) {
             (Some(rosenbrock), Some(_)) if self.by == By::Rosenbrock => rosenbrock.is_slow(frame, LOOSE / frame.h),
@@ -181,7 +188,8 @@ impl Methods {
         changes
     }
 
-    /// Another step was accepted, whose polynomial is not made yet; it says how far the short pair would have come.
+    /// Another step was accepted, whose polynomial is not made yet; it says how far the short pair
+    /// would have come.
     pub(crate) fn renew(&mut self, frame: &Frame) {
         self.prepared = false;
         if self.by == By::Explicit && self.explicit.as_ref().is_some_and(|explicit| explicit.suits_less(frame)) {
@@ -220,7 +228,8 @@ impl Methods {
         }
     }
 
-    /// Bounds of the unknowns in some fours over the last step, without evaluations of the equations.
+    /// Bounds of the unknowns in some fours over the last step, without evaluations of the
+    /// equations.
     #[inline]
     pub(crate) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
         match (self.by, &self.rosenbrock, &self.explicit, &self.short) {

@@ -1,6 +1,8 @@
-//! Vectors of unknowns for methods that combine many stages: whole fours of numbers, so that no loop has a tail.
+//! Vectors of unknowns for methods that combine many stages: whole fours of numbers, so that no
+//! loop has a tail.
 //!
-//! Products are rounded before they are summed (no fused multiply-add): every processor gives the same bits.
+//! Products are rounded before they are summed (no fused multiply-add): every processor gives the
+//! same bits.
 
 /// Numbers in a [`Quad`].
 const LANES: usize = 4;
@@ -14,8 +16,9 @@ pub(super) type Quads = Box<[Quad]>;
 /// Unknowns from which on wider instructions gain more than it costs to ask for them.
 pub(crate) const LONG: usize = 8;
 
-/// Defines a function of a number of unknowns and some arguments that runs another one of these arguments, compiled for AVX2 where the unknowns are many
-/// and the processor has it. Products are rounded before they are summed: same results.
+/// Defines a function of a number of unknowns and some arguments that runs another one of these
+/// arguments, compiled for AVX2 where the unknowns are many and the processor has it. Products are
+/// rounded before they are summed: same results.
 macro_rules! widened {
     (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $portable:path) => {
         fn $name(unknowns: usize, $($argument: $type),*) $(-> $result)? {
@@ -75,7 +78,8 @@ pub(super) fn set(out: &mut [Quad], mut f: impl FnMut(usize, usize) -> f64) {
     }
 }
 
-/// Bounds of `(1 - x) first + x last + x (1 - x) inner` for x from 0 to 1, where `inner` gives bounds of what is multiplied there.
+/// Bounds of `(1 - x) first + x last + x (1 - x) inner` for x from 0 to 1, where `inner` gives
+/// bounds of what is multiplied there.
 #[inline(always)]
 pub(super) fn bound_bow((first, last): (&Quad, &Quad), (least, most): (&mut Quad, &mut Quad), mut inner: impl FnMut(usize) -> (f64, f64)) {
     for lane in 0..LANES {

@@ -1,12 +1,14 @@
-//! Coefficients of Rodas5P: a stiffly accurate, L-stable Rosenbrock method of order 5 with an embedded one of order 4 and a dense output of
-//! order 4, for systems of index 1.
+//! Coefficients of Rodas5P: a stiffly accurate, L-stable Rosenbrock method of order 5 with an
+//! embedded one of order 4 and a dense output of order 4, for systems of index 1.
 //!
-//! G. Steinebach, Construction of Rosenbrock–Wanner method Rodas5P and numerical benchmarks within the Julia Differential Equations package,
-//! *BIT Numer. Math.* 63 (2023) 27; in the form that needs no product with the Jacobian (Hairer and Wanner, *Solving Ordinary Differential Equations II*,
-//! 2nd edition (Springer, 1996), section IV.7): the stages U solve
-//! (M/(hγ) − J) Uᵢ = f(t + cᵢ h, y + Σ aᵢⱼ Uⱼ) + M Σ Cᵢⱼ Uⱼ / h + h dᵢ ∂f/∂t.
+//! G. Steinebach, Construction of Rosenbrock–Wanner method Rodas5P and numerical benchmarks within
+//! the Julia Differential Equations package, *BIT Numer. Math.* 63 (2023) 27; in the form that
+//! needs no product with the Jacobian (Hairer and Wanner, *Solving Ordinary Differential Equations
+//! II*, 2nd edition (Springer, 1996), section IV.7): the stages U solve (M/(hγ) − J) Uᵢ = f(t + cᵢ
+//! h, y + Σ aᵢⱼ Uⱼ) + M Σ Cᵢⱼ Uⱼ / h + h dᵢ ∂f/∂t.
 //!
-//! Stage 7 begins at that of stage 6 plus U₆, stage 8 at that plus U₇, the step ends at that plus U₈, which is the estimate of the error.
+//! Stage 7 begins at that of stage 6 plus U₆, stage 8 at that plus U₇, the step ends at that plus
+//! U₈, which is the estimate of the error.
 
 /// The diagonal coefficient.
 pub(crate) const GAMMA: f64 = 0.211_937_563_194_290_14;
@@ -72,7 +74,8 @@ pub(crate) const C8: [f64; 7] = [
     -9.488_616_523_096_27,
 ];
 
-/// The dense output: with Kᵢ = Σ Hᵢⱼ Uⱼ it is (1 − θ) y₀ + θ (y₁ + (1 − θ) (K₁ + θ (K₂ + θ K₃))) at the share θ of the step.
+/// The dense output: with Kᵢ = Σ Hᵢⱼ Uⱼ it is (1 − θ) y₀ + θ (y₁ + (1 − θ) (K₁ + θ (K₂ + θ K₃))) at
+/// the share θ of the step.
 pub(crate) const H: [[f64; 8]; 3] = [
     [
         25.948_786_856_663_858,

@@ -73,7 +73,8 @@ impl Rosenbrock {
         (self.rows[entry] as usize, self.columns[entry] as usize)
     }
 
-    /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number where something is not finite.
+    /// Takes a step from the frame's beginning to its end; the error in tolerances, not a number
+    /// where something is not finite.
     pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         let (t, h) = (frame.t, frame.h);
         let functions = &mut frame.functions;
@@ -127,7 +128,8 @@ impl Rosenbrock {
         frame.norm(u8)
     }
 
-    /// ∂f/∂t as the system gives it, or by a difference of order two, inside of the step: the equations may be of another form before it.
+    /// ∂f/∂t as the system gives it, or by a difference of order two, inside of the step: the
+    /// equations may be of another form before it.
     fn differentiate_by_time(&mut self, frame: &mut Frame, system: &mut dyn System) {
         let (t, functions) = (frame.t, &mut frame.functions);
         if functions.by_time(system, t, &frame.begin, &mut self.slope) {
@@ -147,7 +149,8 @@ impl Rosenbrock {
         set(&mut self.slope, |i, lane| first * (rates[i][lane] - now[i][lane]) + second * (right[i][lane] - now[i][lane]));
     }
 
-    /// Returns `true` if the largest row sum of |∂f/∂y| in tolerances at the beginning of the last step, which bounds the spectral radius there, is below `bound`.
+    /// Returns `true` if the largest row sum of |∂f/∂y| in tolerances at the beginning of the last
+    /// step, which bounds the spectral radius there, is below `bound`.
     pub(crate) fn is_slow(&mut self, frame: &Frame, bound: f64) -> bool {
         let diagonal = 1.0 / (frame.h * GAMMA);
         // A row sum is no less than its entry on the diagonal, of which one is large as a rule.
@@ -258,8 +261,8 @@ widened! {
     fn evaluate_values(rosenbrock: &Rosenbrock, t: f64, y: &mut [Quad]) = Rosenbrock::values
 }
 
-/// The unknowns of a stage, `begin + sum over j of a[j] terms[j]`, and what earlier stages are to its right-hand side,
-/// `mass * factor * sum over j of c[j] terms[j]`.
+/// The unknowns of a stage, `begin + sum over j of a[j] terms[j]`, and what earlier stages are to
+/// its right-hand side, `mass * factor * sum over j of c[j] terms[j]`.
 #[inline(always)]
 fn combine<const N: usize>(
     place: &mut [Quad],

@@ -1,4 +1,5 @@
-//! Steps by the explicit Runge–Kutta pair Tsit5, of order 5: half the evaluations of DOP853 where one step reaches the end.
+//! Steps by the explicit Runge–Kutta pair Tsit5, of order 5: half the evaluations of DOP853 where
+//! one step reaches the end.
 
 use super::super::System;
 use super::frame::{Frame, surround};
@@ -32,7 +33,8 @@ impl Short {
         }
     }
 
-    /// Takes a step from the frame's beginning to its end, rates there included; the error in tolerances, not a number where something is not finite.
+    /// Takes a step from the frame's beginning to its end, rates there included; the error in
+    /// tolerances, not a number where something is not finite.
     pub(super) fn attempt(&mut self, frame: &mut Frame, system: &mut dyn System) -> f64 {
         take_stages(frame.n, self, frame, system)
     }

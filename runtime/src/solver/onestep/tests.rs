@@ -1,4 +1,5 @@
-//! The coefficients against the order conditions of their methods, tree by tree, and the methods on small problems with closed solutions.
+//! The coefficients against the order conditions of their methods, tree by tree, and the methods on
+//! small problems with closed solutions.
 
 use super::super::problems::Problem;
 use super::super::{Advance, Carried, Integrator, Method, Pattern, Quadratures, Settings, Statistics, System};
@@ -18,8 +19,9 @@ impl Tree {
         self.order() as f64 * self.0.iter().map(Tree::density).product::<f64>()
     }
 
-    /// For each stage, the elementary weight of the branches at a vertex; a vertex with one branch takes it by `single`, else each by `several`
-    /// (Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.7, theorem 7.3).
+    /// For each stage, the elementary weight of the branches at a vertex; a vertex with one branch
+    /// takes it by `single`, else each by `several` (Hairer and Wanner, *Solving Ordinary
+    /// Differential Equations II*, section IV.7, theorem 7.3).
     fn stages(&self, single: &[Vec<f64>], several: &[Vec<f64>]) -> Vec<f64> {
         let matrix = if self.0.len() == 1 { single } else { several };
         let mut product = vec![1.0; matrix.len()];
@@ -85,7 +87,8 @@ fn product(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
     a.iter().map(|row| (0..row.len()).map(|j| dot(row, &column(j))).collect()).collect()
 }
 
-/// Rodas5P as its paper writes it: α, β = α + Γ, and the conversion of weights of the stages U to its own.
+/// Rodas5P as its paper writes it: α, β = α + Γ, and the conversion of weights of the stages U to
+/// its own.
 struct Classical {
     alpha: Vec<Vec<f64>>,
     beta: Vec<Vec<f64>>,
@@ -244,7 +247,8 @@ fn forced(stiffness: f64) -> Problem {
     )
 }
 
-/// Errors at the end of an interval of one, step by step of a length, and of values inside of steps.
+/// Errors at the end of an interval of one, step by step of a length, and of values inside of
+/// steps.
 fn errors(method: Method, mut problem: Problem, step: f64, exact: fn(f64) -> f64) -> f64 {
     let mut settings = Settings::new(1.0, vec![1e9; problem.dimension()]);
     settings.method = method;
@@ -266,7 +270,8 @@ fn errors_fall_with_the_power_of_the_step_that_the_order_says() {
     }
 }
 
-/// Control steps of a length along y' = cos t - y / 2 + sin t / 2, whose solution from 0 is sin t: evaluations of the last one, and the largest error of all.
+/// Control steps of a length along y' = cos t - y / 2 + sin t / 2, whose solution from 0 is sin t:
+/// evaluations of the last one, and the largest error of all.
 fn control_steps(length: f64, rtol: f64, count: u32) -> (u64, f64) {
     let mut problem = Problem::ode(
         vec![0.0],
@@ -293,7 +298,8 @@ fn control_steps(length: f64, rtol: f64, count: u32) -> (u64, f64) {
 
 #[test]
 fn the_pair_of_order_five_takes_a_control_step_that_one_step_of_it_covers() {
-    // Seven evaluations, one of them at the end, instead of thirteen; and forcings are looked at by evaluations that are not counted.
+    // Seven evaluations, one of them at the end, instead of thirteen; and forcings are looked at by
+    // evaluations that are not counted.
     let (few, error) = control_steps(0.1, 1e-6, 50);
     assert_eq!(few, 7);
     assert!(error < 1e-6, "{error}");
@@ -303,7 +309,8 @@ fn the_pair_of_order_five_takes_a_control_step_that_one_step_of_it_covers() {
     assert!(error < 1e-5, "{error}");
 }
 
-/// x'' = -x; if it is `watched`, with an event at x = 0.9, if `integrated`, with the integral of x².
+/// x'' = -x; if it is `watched`, with an event at x = 0.9, if `integrated`, with the integral of
+/// x².
 struct Swing {
     problem: Problem,
     watched: bool,
@@ -361,7 +368,8 @@ impl System for Swing {
 
 #[test]
 fn a_state_inside_of_a_step_of_the_pair_is_on_its_polynomial() {
-    // An event in the last of the control steps, which ends at 1.2: sin t = 0.9 at 1.1197695149986342.
+    // An event in the last of the control steps, which ends at 1.2: sin t = 0.9 at
+    // 1.1197695149986342.
     let mut swing = Swing { watched: true, ..Swing::new() };
     let mut settings = Settings::new(1e-6, vec![1e-6; 2]);
     settings.method = Method::Explicit;
@@ -429,7 +437,8 @@ fn algebraic_unknowns_follow_by_the_factors_of_before_where_those_serve() {
     let (off, work) = follower(0.0);
     assert!(off.abs() < 1e-8, "{off}");
     assert!(work.steps > 10 && work.jacobians < work.steps + work.error_test_failures + 10, "{work:?}");
-    // Where the equation's weight falls by 16 powers of ten, a correction by the old one is far too small.
+    // Where the equation's weight falls by 16 powers of ten, a correction by the old one is far too
+    // small.
     let (off, work) = follower(40.0);
     assert!(off.abs() < 1e-8, "{off}");
     assert!(work.jacobians > work.steps, "{work:?}");

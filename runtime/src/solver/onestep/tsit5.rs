@@ -1,6 +1,8 @@
-//! Coefficients of Tsit5: an explicit Runge–Kutta pair of orders 5 and 4 whose last stage is the first of the next step, with a dense output of order 4.
+//! Coefficients of Tsit5: an explicit Runge–Kutta pair of orders 5 and 4 whose last stage is the
+//! first of the next step, with a dense output of order 4.
 //!
-//! Ch. Tsitouras, Runge–Kutta pairs of order 5(4) satisfying only the first column simplifying assumption, *Comput. Math. Appl.* 62 (2011) 770–775.
+//! Ch. Tsitouras, Runge–Kutta pairs of order 5(4) satisfying only the first column simplifying
+//! assumption, *Comput. Math. Appl.* 62 (2011) 770–775.
 
 /// Nodes.
 pub(crate) const C: [f64; 7] = [0.0, 0.161, 0.327, 0.9, 0.980_025_540_904_509_7, 1.0, 1.0];
@@ -36,7 +38,8 @@ pub(crate) const E: [f64; 7] = [
     0.015_151_515_151_515_152,
 ];
 
-/// The dense output: weights of the stages at a share θ of the step are polynomials of θ without a constant, here by powers, then by stages.
+/// The dense output: weights of the stages at a share θ of the step are polynomials of θ without a
+/// constant, here by powers, then by stages.
 pub(crate) const D: [[f64; 7]; 4] = [
     [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [

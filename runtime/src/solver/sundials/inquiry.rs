@@ -13,7 +13,8 @@ const BAD_DERIVATIVE: c_int = -26;
 /// Queries of IDA's memory that are valid during a step, by callbacks: none of them calls a
 /// callback.
 ///
-/// There are two of them: that of [`Memory`](super::Memory), and that of its bridge, which is freed after IDA's memory.
+/// There are two of them: that of [`Memory`](super::Memory), and that of its bridge, which is freed
+/// after IDA's memory.
 pub(crate) struct Inquiry {
     pub(super) ida: NonNull<c_void>,
     /// Unknowns.
@@ -32,7 +33,8 @@ impl Inquiry {
     /// The time that IDA has reached within.
     pub(crate) fn current_time(&self) -> f64 {
         let mut time = 0.0;
-        // SAFETY: the memory lives (`Inquiry::new`), and the other pointer is to a variable of this function; so below.
+        // SAFETY: the memory lives (`Inquiry::new`), and the other pointer is to a variable of this
+        // function; so below.
         unsafe { IDAGetCurrentTime(self.ida.as_ptr(), &mut time) };
         time
     }

@@ -3,7 +3,8 @@
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
 
-/// A value on the heap whose address others keep: moving its owner leaves it where it is. Freed with its owner.
+/// A value on the heap whose address others keep: moving its owner leaves it where it is. Freed
+/// with its owner.
 pub(crate) struct Kept<T>(NonNull<T>);
 
 impl<T> Kept<T> {
@@ -49,8 +50,8 @@ impl<T> Lent<T> {
     /// The value at an address.
     ///
     /// # Safety
-    /// There is a value, which lives as long as this. While a reference from this lives, no other code writes the value; while an exclusive
-    /// one lives, no other code reads it either.
+    /// There is a value, which lives as long as this. While a reference from this lives, no other
+    /// code writes the value; while an exclusive one lives, no other code reads it either.
     #[inline]
     pub(crate) unsafe fn new(address: *mut T) -> Self {
         // SAFETY: where a value is, the address is not null.

@@ -35,8 +35,8 @@ pub(crate) enum Task {
 
 /// IDA's memory with all that it holds the address of.
 ///
-/// The callbacks work on the [`Bridge`] while one of IDA's functions runs; each of those takes the memory exclusively, so that no code
-/// else has a reference to the bridge then.
+/// The callbacks work on the [`Bridge`] while one of IDA's functions runs; each of those takes the
+/// memory exclusively, so that no code else has a reference to the bridge then.
 pub(crate) struct Memory {
     inquiry: Inquiry,
     bridge: Kept<Bridge>,
@@ -60,7 +60,8 @@ impl Memory {
             return Err(SolveError::Setup { function: "IDACreate", flag: IdaFlag { value: NO_MEMORY, message: String::new() } });
         };
         let (bridge, dimension) = (Kept::new(bridge), y.entries().len());
-        // SAFETY: the memory is freed when all this is dropped, the bridge after it (`Memory`), which asks it nothing then.
+        // SAFETY: the memory is freed when all this is dropped, the bridge after it (`Memory`),
+        // which asks it nothing then.
         let [inquiry, of_bridge] = unsafe { [Inquiry::new(ida, dimension), Inquiry::new(ida, dimension)] };
         let mut memory = Self {
             inquiry,
@@ -82,7 +83,8 @@ impl Memory {
         let (ida, data) = (self.raw(), self.bridge.address().cast::<c_void>());
         let (y, yp) = (self.of_system(y), self.of_system(yp));
         self.take_messages()?;
-        // SAFETY: the memory lives; the bridge and the objects are kept until it is freed, the vectors are copied.
+        // SAFETY: the memory lives; the bridge and the objects are kept until it is freed, the
+        // vectors are copied.
         unsafe {
             check("IDASetUserData", IDASetUserData(ida, data))?;
             check("IDAInit", IDAInit(ida, Some(callbacks::residual), 0.0, y, yp))?;
@@ -105,7 +107,8 @@ impl Memory {
     fn take_messages(&self) -> Result<(), SolveError> {
         let (context, data) = (self.context.raw(), self.messages.address().cast());
         // All handlers are called, and one that prints is there from the start.
-        // SAFETY: the context lives, and nothing calls the handler once this memory is freed (`drop` clears it).
+        // SAFETY: the context lives, and nothing calls the handler once this memory is freed
+        // (`drop` clears it).
         check("SUNContext_ClearErrHandlers", unsafe { SUNContext_ClearErrHandlers(context) })?;
         // SAFETY: as above.
         check("SUNContext_PushErrHandler", unsafe { SUNContext_PushErrHandler(context, Some(callbacks::message), data) })
@@ -237,15 +240,18 @@ impl Memory {
         check("IDAQuadSVtolerances", unsafe { IDAQuadSVtolerances(self.raw(), rtol, self.of_integrals(atol)) })
     }
 
-    /// IDA's own search for y' and the algebraic unknowns at a time and a state, which it replaces; its flag.
+    /// IDA's own search for y' and the algebraic unknowns at a time and a state, which it replaces;
+    /// its flag.
     pub(crate) fn calculate_start(&mut self, time: f64, y: &mut Vector, yp: &mut Vector, first: f64) -> c_int {
         let mut value = self.restart(time, y, yp);
         if value == IDA_SUCCESS {
-            // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses now.
+            // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses
+            // now.
             value = unsafe { IDACalcIC(self.raw(), IDA_YA_YDP_INIT, first) };
         }
         if value == IDA_SUCCESS {
-            // SAFETY: the memory lives, and the vectors are borrowed exclusively and have its length.
+            // SAFETY: the memory lives, and the vectors are borrowed exclusively and have its
+            // length.
             value = unsafe { IDAGetConsistentIC(self.raw(), self.of_system(y), self.of_system(yp)) };
         }
         value
@@ -263,15 +269,16 @@ impl Memory {
             Task::Normal => IDA_NORMAL,
             Task::OneStep => IDA_ONE_STEP,
         };
-        // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses now; the vectors are borrowed exclusively and
-        // have the memory's length.
+        // SAFETY: the memory lives; the system is lent to the bridge, which no other code uses now;
+        // the vectors are borrowed exclusively and have the memory's length.
         unsafe { IDASolve(self.raw(), end, time, self.of_system(y), self.of_system(yp), task) }
     }
 
     /// The integrals at the time that the last call reached.
     pub(crate) fn take_integrals(&mut self, values: &mut Vector) -> Result<(), SolveError> {
         let mut time = 0.0;
-        // SAFETY: the memory lives, and the vector is borrowed exclusively and has the length of the integrals.
+        // SAFETY: the memory lives, and the vector is borrowed exclusively and has the length of
+        // the integrals.
         check("IDAGetQuad", unsafe { IDAGetQuad(self.raw(), &mut time, self.of_integrals(values)) })
     }
 
@@ -288,7 +295,8 @@ impl Memory {
 
     /// Estimated local errors of the last step that was tried; false if missing.
     pub(crate) fn local_errors(&self, errors: &mut Vector) -> bool {
-        // SAFETY: the memory lives, calls nothing back here, and the vector is borrowed exclusively and has its length.
+        // SAFETY: the memory lives, calls nothing back here, and the vector is borrowed exclusively
+        // and has its length.
         unsafe { IDAGetEstLocalErrors(self.raw(), self.of_system(errors)) == IDA_SUCCESS }
     }
 
@@ -327,7 +335,8 @@ impl Memory {
 impl Drop for Memory {
     fn drop(&mut self) {
         let mut ida = self.raw();
-        // SAFETY: made by `IDACreate`, and freed once; all that it holds addresses of is still there.
+        // SAFETY: made by `IDACreate`, and freed once; all that it holds addresses of is still
+        // there.
         unsafe { IDAFree(&mut ida) };
         debug_assert_eq!(ida, ptr::null_mut());
         #[cfg(feature = "vendored")]

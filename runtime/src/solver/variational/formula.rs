@@ -1,7 +1,9 @@
-//! Backward differentiation formulas on steps of any lengths, and passes over matrices that carry them out.
+//! Backward differentiation formulas on steps of any lengths, and passes over matrices that carry
+//! them out.
 //!
-//! The polynomial through the new point and the last k ones has the derivative `weight` S + Σ `rates`ᵢ Sᵢ at the new point; the one through the last k + 1 points
-//! predicts Σ `values`ᵢ Sᵢ there (R. K. Brayton, F. G. Gustavson and G. D. Hachtel, *Proc. IEEE* 60 (1972) 98).
+//! The polynomial through the new point and the last k ones has the derivative `weight` S + Σ
+//! `rates`ᵢ Sᵢ at the new point; the one through the last k + 1 points predicts Σ `values`ᵢ Sᵢ
+//! there (R. K. Brayton, F. G. Gustavson and G. D. Hachtel, *Proc. IEEE* 60 (1972) 98).
 
 use super::super::linear::columns::with_fma;
 
@@ -42,7 +44,8 @@ impl Formula {
         formula
     }
 
-    /// The local error of this order in parts of the difference of another order's solution to this one's prediction.
+    /// The local error of this order in parts of the difference of another order's solution to this
+    /// one's prediction.
     pub(super) fn error_of_other(&self, time: f64, times: &[f64]) -> f64 {
         1.0 / (self.weight * (time - times[self.order]))
     }
@@ -93,7 +96,8 @@ fn sums<const B: usize>(points: &Points<'_>, formula: &Formula, first: usize) ->
 }
 
 with_fma! {
-    /// Sum of squares of the differences to a prediction, in tolerances: `atol` + `rtol` times the larger of new and old size.
+    /// Sum of squares of the differences to a prediction, in tolerances: `atol` + `rtol` times the
+    /// larger of new and old size.
     pub(super) fn distance(new: &[f64], old: &[f64], predicted: &[f64], rtol: f64, atol: &[f64]) -> f64 = distance_portable
 }
 
@@ -137,7 +141,8 @@ mod tests {
         }
     }
 
-    /// Order k leaves the term of degree k + 1: its error and the difference to the prediction are known for a single step of S' = f(t).
+    /// Order k leaves the term of degree k + 1: its error and the difference to the prediction are
+    /// known for a single step of S' = f(t).
     #[test]
     fn the_error_is_that_of_the_next_power() {
         let times = [1.0, 0.7, 0.5, -0.1, -0.4, -1.3];

@@ -1,7 +1,8 @@
 //! The operations that SUNDIALS calls, and our own ones that take vectors.
 //!
-//! SUNDIALS calls an operation with vectors of one family: all are alive and have the same length. Where the result is written, it may be
-//! one of the operands; so these functions work by pointers, and no reference to numbers lives while others are written.
+//! SUNDIALS calls an operation with vectors of one family: all are alive and have the same length.
+//! Where the result is written, it may be one of the operands; so these functions work by pointers,
+//! and no reference to numbers lives while others are written.
 
 mod common;
 
@@ -108,8 +109,8 @@ macro_rules! operations {
 
             $(#[$feature])?
             unsafe extern "C" fn linear_sum(a: f64, x: N_Vector, b: f64, y: N_Vector, z: N_Vector) {
-                // SAFETY: vectors of one family, see above; the weights live as long as they and have as many blocks (`Shared::renew`), and
-                // IDA writes none of its sums to them.
+                // SAFETY: vectors of one family, see above; the weights live as long as they and
+                // have as many blocks (`Shared::renew`), and IDA writes none of its sums to them.
                 unsafe {
                     if (*content(z)).discards_sum_with(content(y)) {
                         return;
@@ -181,7 +182,8 @@ macro_rules! operations {
                     return -1;
                 }
                 let mut terms = [ptr::null::<Block>(); MAX_FUSED];
-                // SAFETY: SUNDIALS gives `n` factors and `n` vectors, of one family with the result.
+                // SAFETY: SUNDIALS gives `n` factors and `n` vectors, of one family with the
+                // result.
                 unsafe {
                     for (k, term) in terms[..n].iter_mut().enumerate() {
                         *term = blocks(*x.add(k));
@@ -197,14 +199,16 @@ macro_rules! operations {
                 n: c_int, a: f64, x: *mut N_Vector, b: f64, y: *mut N_Vector, z: *mut N_Vector,
             ) -> c_int {
                 let n = n as usize;
-                // SAFETY: SUNDIALS gives `n` vectors of one family each, and writes none of the three lists meanwhile.
+                // SAFETY: SUNDIALS gives `n` vectors of one family each, and writes none of the
+                // three lists meanwhile.
                 let (x, y, z) = unsafe {
                     (std::slice::from_raw_parts(x, n), std::slice::from_raw_parts(y, n), std::slice::from_raw_parts(z, n))
                 };
                 // Differences of the history: each sum is the next one's second term.
                 if (a, b) == (1.0, 1.0) && n > 0 && n <= MAX_FUSED && x == z && y[1..] == x[..n - 1] && !x.contains(&y[0]) {
                     let mut terms = [ptr::null_mut::<Block>(); MAX_FUSED];
-                    // SAFETY: vectors of one family. That of `y[0]` is not one of `x`; the results, which SUNDIALS keeps apart, are `x`.
+                    // SAFETY: vectors of one family. That of `y[0]` is not one of `x`; the results,
+                    // which SUNDIALS keeps apart, are `x`.
                     unsafe {
                         terms.iter_mut().zip(x).for_each(|(term, &x)| *term = written(x));
                         kernels::cumulate(block_count(x[0]), blocks(y[0]), &terms[..n]);
@@ -248,7 +252,8 @@ macro_rules! operations {
                 let n = sum.count;
                 assert!(delta.count == n && w.count == n);
                 sum.age = 0;
-                // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that it is not one of the others.
+                // SAFETY: all three have so many blocks; the sum is borrowed exclusively, so that
+                // it is not one of the others.
                 let squares = unsafe { kernels::accumulate(n, delta.blocks.as_ptr(), w.blocks.as_ptr(), sum.blocks.as_ptr()) };
                 let (square, sum_square) = squares;
                 if sum.weights().is_some_and(|known| ptr::eq(known.as_ptr(), w)) {
@@ -262,7 +267,8 @@ macro_rules! operations {
                 let n = x.count;
                 assert!([y0.count, y.count, z0.count, z.count].iter().all(|&count| n == count));
                 (y.age, z.age) = (0, 0);
-                // SAFETY: all have so many blocks; what is written is borrowed exclusively, so that it is not one of the others.
+                // SAFETY: all have so many blocks; what is written is borrowed exclusively, so that
+                // it is not one of the others.
                 unsafe {
                     let (y, z) = ((y0.blocks.as_ptr().cast_const(), y.blocks.as_ptr()), (z0.blocks.as_ptr().cast_const(), z.blocks.as_ptr()));
                     kernels::correct(n, c, x.blocks.as_ptr(), y, z);
@@ -305,7 +311,8 @@ pub(crate) struct Operations(Compilation);
 enum Compilation {
     /// Any processor.
     Portable,
-    /// Processors with AVX2 and fused multiply-add: made by [`Operations::detect`] only, where the processor has both.
+    /// Processors with AVX2 and fused multiply-add: made by [`Operations::detect`] only, where the
+    /// processor has both.
     #[cfg(target_arch = "x86_64")]
     Avx2,
 }
@@ -331,7 +338,8 @@ impl Operations {
         }
     }
 
-    /// `w = 1 / (rtol |y| + atol)`; infinite where `atol` is filled up, so that the weights there are zero.
+    /// `w = 1 / (rtol |y| + atol)`; infinite where `atol` is filled up, so that the weights there
+    /// are zero.
     ///
     /// # Panics
     /// Where one has another number of blocks than the rest.

@@ -1,4 +1,5 @@
-//! Every operation against a plain loop, through SUNDIALS' own functions, for lengths around those of blocks.
+//! Every operation against a plain loop, through SUNDIALS' own functions, for lengths around those
+//! of blocks.
 
 use sundials_sys::*;
 
@@ -118,7 +119,8 @@ fn operations_on_several_vectors_are_those_of_plain_loops() {
         // SAFETY: vectors of one family.
         assert_eq!(unsafe { N_VLinearCombination(6, c.as_mut_ptr(), raw.as_mut_ptr(), z.raw()) }, 0);
         assert_near(z.entries(), (0..n).map(|i| combined(&copies, i)));
-        // As IDA moves its history on: each vector gets the one after it added, the last a vector from outside.
+        // As IDA moves its history on: each vector gets the one after it added, the last a vector
+        // from outside.
         let outside = setting.vector(n, 11.0);
         let (mut sums, mut addends) = (vec![raw[4], raw[3], raw[2]], vec![outside.raw(), raw[4], raw[3]]);
         // SAFETY: vectors of one family.

@@ -106,7 +106,8 @@ fn without_place(file: &PathBuf, error: &LoadError) -> Json {
     })
 }
 
-/// Largest drift of each invariant over a nominal episode: the change of its value less the integral of its rate.
+/// Largest drift of each invariant over a nominal episode: the change of its value less the
+/// integral of its rate.
 fn invariants(loaded: Loaded) -> Result<String, Failed> {
     let invariants = loaded.model.interface().invariants.clone();
     if invariants.is_empty() {
@@ -125,7 +126,8 @@ fn invariants(loaded: Loaded) -> Result<String, Failed> {
     }
     let drifts = environment.invariant_drifts();
     let lines = invariants.iter().zip(drifts).map(|(invariant, drift)| {
-        // A balance is nothing but rounding; its parts are what the drift is to be compared with, and only the model knows them.
+        // A balance is nothing but rounding; its parts are what the drift is to be compared with,
+        // and only the model knows them.
         let relative = match drift.largest / drift.magnitude.max(f64::MIN_POSITIVE) {
             relative if relative < 0.1 => format!(" ({relative:.1e} of its magnitude)"),
             _ => String::new(),

@@ -143,8 +143,8 @@ fn method(model: &std::sync::Arc<CompiledModel>) -> Result<String, Failed> {
     Ok(format!("{method}, exact"))
 }
 
-/// The array that holds each element with a public name, by its name in the flat model, and the element's number in it. Elements
-/// without a variable are outputs.
+/// The array that holds each element with a public name, by its name in the flat model, and the
+/// element's number in it. Elements without a variable are outputs.
 fn places(model: &CompiledModel) -> HashMap<String, (String, usize)> {
     let interface = model.interface();
     let lists = [

@@ -33,7 +33,8 @@ pub(super) struct DocArguments {
     /// File of the Markdown (default: standard output)
     #[arg(short, long, value_name = "FILE.md")]
     output: Option<PathBuf>,
-    /// Draw the flowsheet and an episode under the nominal policy into this folder, and show them on the page
+    /// Draw the flowsheet and an episode under the nominal policy into this folder, and show them
+    /// on the page
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// Quantities in the picture of the episode: names, `states`, `actions`, ...

@@ -39,7 +39,8 @@ struct Line {
 }
 
 impl Excerpt {
-    /// The lines around marks, the first of which is shown in any case, and where the marks are in them; `None` for a mark that is not there.
+    /// The lines around marks, the first of which is shown in any case, and where the marks are in
+    /// them; `None` for a mark that is not there.
     pub(super) fn new(name: &str, text: &str, marks: &[Span]) -> (Self, Vec<Option<SourceSpan>>) {
         let marks: Vec<(usize, usize)> = marks.iter().map(|mark| clipped(text, *mark)).collect();
         let main = marks.first().map_or(0, |mark| mark.0);
@@ -91,7 +92,8 @@ impl SourceCode for Excerpt {
     fn read_span<'a>(&'a self, span: &SourceSpan, before: usize, after: usize) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let contents = self.text.read_span(span, before, after)?;
         let line = contents.line();
-        // A place that is asked for alone is described in words: the columns that were cut off count.
+        // A place that is asked for alone is described in words: the columns that were cut off
+        // count.
         let cut = self.lines.get(line).filter(|_| before == 0).map_or(0, |line| line.from - line.start);
         let column = contents.column() + cut;
         let span = *contents.span();

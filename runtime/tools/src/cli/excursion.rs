@@ -3,7 +3,8 @@
 use smpl_runtime::environment::Environment;
 use smpl_runtime::failure::{Short, unit_suffix};
 
-/// Part of the range, or of the scale where bounds are open, beyond a bound from which an excursion is reported.
+/// Part of the range, or of the scale where bounds are open, beyond a bound from which an excursion
+/// is reported.
 const REPORTED: f64 = 0.1;
 
 /// The largest excursion so far, at the ends of steps.

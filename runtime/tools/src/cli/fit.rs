@@ -1,4 +1,5 @@
-//! `smpl fit`: parameters from recorded runs. The work is done by the Python package, which this command starts.
+//! `smpl fit`: parameters from recorded runs. The work is done by the Python package, which this
+//! command starts.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -46,8 +47,8 @@ fn missing(tried: &[String]) -> String {
     )
 }
 
-/// Pythons in the order in which they are asked: the one named by `SMPL_PYTHON` alone; else that next to this command, that of the active
-/// environment, those of the path.
+/// Pythons in the order in which they are asked: the one named by `SMPL_PYTHON` alone; else that
+/// next to this command, that of the active environment, those of the path.
 fn interpreters() -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os("SMPL_PYTHON") {
         return vec![named.into()];

@@ -9,7 +9,8 @@ use super::report::Failed;
 use super::say;
 use smpl_runtime::files::{is_same, is_same_destination, is_standard_output};
 
-/// A file for a table: CSV where the name has no ending. What is there already is looked at by [`check`] first, which knows better what is wrong.
+/// A file for a table: CSV where the name has no ending. What is there already is looked at by
+/// [`check`] first, which knows better what is wrong.
 pub(super) fn table(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match other_ending(&path) {

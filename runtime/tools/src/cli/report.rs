@@ -87,7 +87,8 @@ pub(super) fn note(text: &str) {
     let _ = std::io::stderr().write_all(printable(text).as_bytes());
 }
 
-/// Warns of given values outside of the bounds of their quantities; `source` is where they are given.
+/// Warns of given values outside of the bounds of their quantities; `source` is where they are
+/// given.
 pub(super) fn warn_of_bounds<'e>(source: &str, given: impl Iterator<Item = (&'e Element, f64)>) {
     const SHOWN: usize = 8;
     let outside: Vec<String> = given.filter_map(|(element, value)| beyond(element, value)).collect();
@@ -174,7 +175,8 @@ impl Shown {
         let file = diagnostic.primary.span.file;
         let text = sources.file(file).map_or("", |f| f.text());
         let (here, elsewhere): (Vec<_>, Vec<_>) = diagnostic.secondary.iter().partition(|l| l.span.file == file);
-        // Marks within marks cannot be drawn: where labelled parts lie inside of the whole, they are shown alone.
+        // Marks within marks cannot be drawn: where labelled parts lie inside of the whole, they
+        // are shown alone.
         let whole = diagnostic.primary.span;
         let inside = |l: &Label| whole.start <= l.span.start && l.span.end <= whole.end;
         let parts_alone = diagnostic.primary.text.is_empty() && here.iter().any(|l| inside(l));

@@ -1,4 +1,5 @@
-//! Many runs: episodes (`--episodes`) for all combinations of values (`--sweep`), on all processors.
+//! Many runs: episodes (`--episodes`) for all combinations of values (`--sweep`), on all
+//! processors.
 
 mod table;
 

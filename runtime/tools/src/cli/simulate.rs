@@ -34,7 +34,8 @@ pub(super) struct SimulateArguments {
     file: PathBuf,
     #[command(flatten)]
     pub(super) model: ModelArguments,
-    /// Actions: columns named as the actions, physical units, by a column `time` or row by row the steps 1..n
+    /// Actions: columns named as the actions, physical units, by a column `time` or row by row the
+    /// steps 1..n
     #[arg(long, value_name = "A.csv", conflicts_with = "policy")]
     actions: Option<PathBuf>,
     /// nominal, random, or a policy that the model declares
@@ -46,7 +47,8 @@ pub(super) struct SimulateArguments {
     /// Start of the episode
     #[arg(long, value_enum, default_value_t)]
     start: StartArgument,
-    /// Initial values: one row, columns named as states, discrete variables or guesses of algebraic ones; or a table of `smpl steady --out`
+    /// Initial values: one row, columns named as states, discrete variables or guesses of algebraic
+    /// ones; or a table of `smpl steady --out`
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
     /// Recorded disturbances instead of drawn ones
@@ -89,7 +91,8 @@ pub(super) struct SimulateArguments {
     /// Number of episodes, with the seeds N, N + 1, ...
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Many runs")]
     pub(super) episodes: Option<u32>,
-    /// Values of a parameter, setting, variant, initial value, of `scenario` or `policy`; several are crossed
+    /// Values of a parameter, setting, variant, initial value, of `scenario` or `policy`; several
+    /// are crossed
     #[arg(long, value_name = "NAME=LOW..HIGH:COUNT|NAME=A,B,...", value_parser = Sweep::parse, help_heading = "Many runs")]
     pub(super) sweep: Vec<Sweep>,
     /// Table of one row a run: return, end, drawn parameters
@@ -307,7 +310,8 @@ impl SimulateArguments {
         Ok(options)
     }
 
-    /// Says which of the initial values and of the recorded disturbances that are given lie outside of their bounds.
+    /// Says which of the initial values and of the recorded disturbances that are given lie outside
+    /// of their bounds.
     pub(crate) fn warn_of_bounds(&self, setup: &Setup, reset: &ResetOptions) {
         let catalogue = &setup.catalogue;
         if let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) {

@@ -36,13 +36,15 @@ pub(super) struct SteadyArguments {
     /// State that the equations leave free; repeatable
     #[arg(long = "fix", value_name = "STATE=VALUE", value_parser = number)]
     fixed: Vec<(String, f64)>,
-    /// Action that is found: as many as values given with `--fix`, which then hold in addition to the equations; repeatable
+    /// Action that is found: as many as values given with `--fix`, which then hold in addition to
+    /// the equations; repeatable
     #[arg(long = "free", value_name = "ACTION")]
     free: Vec<String>,
     /// First guess of a state or an algebraic variable; the others as they start; repeatable
     #[arg(long = "guess", value_name = "NAME=VALUE", value_parser = number)]
     guesses: Vec<(String, f64)>,
-    /// First guess of states and algebraic variables: a table that `--out` wrote, or one row with columns named as they are
+    /// First guess of states and algebraic variables: a table that `--out` wrote, or one row with
+    /// columns named as they are
     #[arg(long, value_name = "I.csv")]
     init: Option<PathBuf>,
     /// Table with name, unit and value of every state and algebraic variable
@@ -194,7 +196,8 @@ fn changing(system: &smpl_runtime::system::CompiledSystem, catalogue: &Catalogue
     format!("held at initial values, though the updates of a control step change them here: {}{more}\n", shown_ones.join("; "))
 }
 
-/// Other steady states than `first` in words: the states, and of what has the same the algebraic variables that differ.
+/// Other steady states than `first` in words: the states, and of what has the same the algebraic
+/// variables that differ.
 fn others(found: &[Vec<f64>], first: &[f64], catalogue: &Catalogue) -> String {
     const SHOWN: usize = 8;
     let known: Vec<&[f64]> = std::iter::once(first).chain(found.iter().map(Vec::as_slice)).collect();

@@ -1,7 +1,8 @@
 //! The flowsheet of a model as a picture: units as boxes, what flows between them as arrows.
 //!
-//! An arrow is a `connect`, or an equation that gives a port of one unit what another one sends (dashed: it depends on more than that).
-//! What comes from the rest of the model arrives from above, what goes there leaves below.
+//! An arrow is a `connect`, or an equation that gives a port of one unit what another one sends
+//! (dashed: it depends on more than that). What comes from the rest of the model arrives from
+//! above, what goes there leaves below.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -156,7 +157,8 @@ impl<'s> Plant<'s> {
         }
     }
 
-    /// Units and quantities of the model that an expression depends on, named expressions looked through where they mention a unit.
+    /// Units and quantities of the model that an expression depends on, named expressions looked
+    /// through where they mention a unit.
     fn mentioned(&self, e: &'s Expr) -> (BTreeSet<usize>, Vec<&'s str>) {
         let (mut units, mut names, mut open) = (BTreeSet::new(), Vec::new(), vec![e]);
         let mut seen = BTreeSet::new();

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. A short run of back-ticks still marks code.
+/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. A short run of
+/// back-ticks still marks code.
 pub(super) fn prose(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let fences = text.contains("```") || text.contains("~~~");

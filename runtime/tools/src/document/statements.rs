@@ -31,7 +31,8 @@ struct Alternative<'s> {
     body: &'s [Statement],
 }
 
-/// Writes a page. It has many methods: one for each kind of statement, in one file a part of the page.
+/// Writes a page. It has many methods: one for each kind of statement, in one file a part of the
+/// page.
 pub(super) struct Writer<'s> {
     pub source: &'s Source,
     pub interface: &'s Interface,

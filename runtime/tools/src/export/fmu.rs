@@ -1,4 +1,5 @@
-//! Functional Mock-up Units: the archive, with a binary for this machine where a C compiler is found.
+//! Functional Mock-up Units: the archive, with a binary for this machine where a C compiler is
+//! found.
 
 use std::process::Command;
 

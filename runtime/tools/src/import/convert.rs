@@ -117,7 +117,8 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
     Ok(c.out)
 }
 
-/// Returns `true` if all units of the model have symbols in the language; else the first that has none.
+/// Returns `true` if all units of the model have symbols in the language; else the first that has
+/// none.
 pub(super) fn unit_without_symbols(sbml: &Sbml) -> Option<String> {
     let own = sbml.symbols.iter().flat_map(|s| {
         let substance = if let Kind::Species { substance, .. } = &s.kind { substance.clone() } else { None };

@@ -1,4 +1,5 @@
-//! An SBML document: what of its XML carries meaning, checked element by element. What is not known is refused, never passed over.
+//! An SBML document: what of its XML carries meaning, checked element by element. What is not known
+//! is refused, never passed over.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -155,7 +156,8 @@ fn owned(node: Node<'_, '_>, name: &str) -> Option<String> {
     attribute(node, name).map(str::to_owned)
 }
 
-/// The children that carry meaning: not notes, annotations, or elements of packages that are not needed.
+/// The children that carry meaning: not notes, annotations, or elements of packages that are not
+/// needed.
 fn meaning<'a, 'i>(node: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
     let own = node.tag_name().namespace();
     children(node).filter(move |n| {
@@ -237,7 +239,8 @@ pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
     Ok(sbml)
 }
 
-/// Makes points of compartments without dimensions: in Level 2, and in Level 3 where nothing gives their size. There they are compartments as any other.
+/// Makes points of compartments without dimensions: in Level 2, and in Level 3 where nothing gives
+/// their size. There they are compartments as any other.
 fn points(sbml: &mut Sbml) {
     for symbol in &mut sbml.symbols {
         let Kind::Compartment { dimensions, point } = &mut symbol.kind else { continue };
@@ -431,7 +434,8 @@ fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part,
     Ok(Part { at: node.range().start, species, number, sign })
 }
 
-/// The rate, with the reaction's own parameters as parameters of the model: `k` of reaction `R` is `R_k`.
+/// The rate, with the reaction's own parameters as parameters of the model: `k` of reaction `R` is
+/// `R_k`.
 fn kinetic_law(sbml: &mut Sbml, node: Node<'_, '_>, reaction: &str) -> Result<Math, Fault> {
     let mut own: HashMap<String, String> = HashMap::new();
     for list in meaning(node).filter(|n| matches!(tag(*n), "listOfParameters" | "listOfLocalParameters")) {

@@ -53,8 +53,8 @@ impl Conversion<'_> {
         !math.is_timed() && self.read_by(math).iter().all(|id| still(id) && behind(id))
     }
 
-    /// Declares whether an event has been without its condition, where that is a question: what holds from the start on has not become true. The name of
-    /// the variable.
+    /// Declares whether an event has been without its condition, where that is a question: what
+    /// holds from the start on has not become true. The name of the variable.
     pub(super) fn armed(&mut self, number: usize, event: &Event, name: &str) -> Result<Option<String>, Fault> {
         let starts = event.trigger.value(&mut |id| self.start_value(id, 0));
         let delayed = self.first.delayed.get(&number).map(|delayed| &delayed.condition);
@@ -127,7 +127,8 @@ impl Conversion<'_> {
         self.compartment_name(symbol)
     }
 
-    /// Returns true for an event that sets a symbol from another one that it sets, of which it takes the value from before.
+    /// Returns true for an event that sets a symbol from another one that it sets, of which it
+    /// takes the value from before.
     pub(super) fn is_mixed(&self, event: &Event) -> bool {
         let reads = |id: &str, math: &Math| {
             let mut reads = self.read_by(math);

@@ -1,8 +1,10 @@
-//! Events at the start of a run. In SBML they belong to the start: its values are those after them. In the language an event happens in the first step, so that
-//! initial values say what these events set.
+//! Events at the start of a run. In SBML they belong to the start: its values are those after them.
+//! In the language an event happens in the first step, so that initial values say what these events
+//! set.
 //!
-//! The events are run here on numbers, to know which; initial values are expressions, with the triggers as conditions. Where that cannot be done (a
-//! trigger whose value is not known here) the events happen in the first step.
+//! The events are run here on numbers, to know which; initial values are expressions, with the
+//! triggers as conditions. Where that cannot be done (a trigger whose value is not known here) the
+//! events happen in the first step.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,5 @@
-//! Elements and attributes of SBML and its packages: those with an unknown meaning are refused, never ignored.
+//! Elements and attributes of SBML and its packages: those with an unknown meaning are refused,
+//! never ignored.
 
 use roxmltree::Node;
 
@@ -58,7 +59,8 @@ pub(super) fn package(namespace: &str) -> &str {
     namespace.rsplit('/').find(name).unwrap_or(namespace)
 }
 
-/// Checks all elements but notes and annotations; `optional` are the namespaces of packages that do not change the equations.
+/// Checks all elements but notes and annotations; `optional` are the namespaces of packages that do
+/// not change the equations.
 pub(super) fn check(root: Node<'_, '_>, optional: &[&str]) -> Result<(), Fault> {
     let own = root.tag_name().namespace();
     let mut stack = vec![root];

@@ -303,7 +303,8 @@ impl Math {
         found
     }
 
-    /// The expression with truth values and numbers where the language takes them: truth is 1 and 0 as a number, and a number other than 0 is true.
+    /// The expression with truth values and numbers where the language takes them: truth is 1 and 0
+    /// as a number, and a number other than 0 is true.
     pub(super) fn typed(&self, truth: bool) -> Math {
         let number = |x: f64| Math::Number(x, None);
         let all = |list: &[Math], truth: bool| list.iter().map(|part| part.typed(truth)).collect::<Vec<_>>();

@@ -1,8 +1,9 @@
 //! Events that may act on one another at one instant, which run one by one.
 //!
-//! Events of the language that become true at one instant run at once, in the order of the text, from the values that the ones before them left. SBML runs
-//! one after another by their priorities, looks at the triggers in between, and takes values from the time of the trigger. Where two events have nothing to do
-//! with each other both are the same.
+//! Events of the language that become true at one instant run at once, in the order of the text,
+//! from the values that the ones before them left. SBML runs one after another by their priorities,
+//! looks at the triggers in between, and takes values from the time of the trigger. Where two
+//! events have nothing to do with each other both are the same.
 
 use std::collections::HashSet;
 

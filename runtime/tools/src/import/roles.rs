@@ -25,7 +25,8 @@ pub(super) enum Role {
 /// The roles of all symbols, and what follows from them.
 pub(super) struct Roles {
     pub(super) roles: HashMap<String, Role>,
-    /// Species whose state is the amount though the symbol is the concentration: their compartments change.
+    /// Species whose state is the amount though the symbol is the concentration: their compartments
+    /// change.
     pub(super) amounts: HashSet<String>,
 }
 
@@ -175,8 +176,9 @@ fn starts(sbml: &Sbml, roles: &mut HashMap<String, Role>) {
     }
 }
 
-/// Compartments that one event sets together with the concentration of a species in them, and that have no rate. They are states with the rate 0: an event
-/// sets its states from the values before it, and the concentration counts for the size before.
+/// Compartments that one event sets together with the concentration of a species in them, and that
+/// have no rate. They are states with the rate 0: an event sets its states from the values before
+/// it, and the concentration counts for the size before.
 fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
     let within = |event: &Event, size: &str| {
         event.assignments.iter().any(|(_, id, _)| {
@@ -188,7 +190,8 @@ fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
     sbml.events.iter().flat_map(of_event).collect()
 }
 
-/// Returns true for a parameter whose initial value needs the size of a compartment that is not a parameter.
+/// Returns true for a parameter whose initial value needs the size of a compartment that is not a
+/// parameter.
 fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<String>, symbol: &Symbol) -> bool {
     let Kind::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else { return false };
     if roles.get(&symbol.id) != Some(&Role::Parameter) || roles.get(compartment) == Some(&Role::Parameter) {
@@ -199,8 +202,9 @@ fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<Str
     if given { as_amount && !*amount } else { as_amount != *starts_as_amount }
 }
 
-/// Species that are concentrations in compartments that change: their amounts are kept. A rate rule of a concentration stays one, unless an event may change
-/// the size at once, which leaves the amount as it is.
+/// Species that are concentrations in compartments that change: their amounts are kept. A rate rule
+/// of a concentration stays one, unless an event may change the size at once, which leaves the
+/// amount as it is.
 fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>) -> HashSet<String> {
     let resized: HashSet<&str> = sbml.events.iter().flat_map(Event::targets).collect();
     let kept = |s: &&Symbol| {

@@ -1,7 +1,8 @@
 //! Events in stages: a trigger, a delay, an execution one by one.
 //!
-//! The trigger sets the values aside and notes that the event is due, now or after its delay; a separate event executes it. What may act on one another
-//! is executed one by one: `settling` is 1 for one more round of events, in which triggers see what has changed.
+//! The trigger sets the values aside and notes that the event is due, now or after its delay; a
+//! separate event executes it. What may act on one another is executed one by one: `settling` is 1
+//! for one more round of events, in which triggers see what has changed.
 
 use super::convert::{Conversion, at, comment};
 use super::document::Event;
@@ -13,7 +14,8 @@ use super::xml::Fault;
 /// A time that does not come.
 const NEVER: &str = "1e300";
 
-/// The number of executions of one event that can wait at once, if its condition may become true again before the first.
+/// The number of executions of one event that can wait at once, if its condition may become true
+/// again before the first.
 const SLOTS: usize = 4;
 
 /// Names of the parts of a staged event.
@@ -74,7 +76,8 @@ impl Conversion<'_> {
         matches!(math, Math::Number(..)) || matches!(math, Math::Name(id) if self.roles.of(id) == Some(Role::Parameter))
     }
 
-    /// Declares the flags by which events run one by one: one for executions, one for what they set in a separate round.
+    /// Declares the flags by which events run one by one: one for executions, one for what they set
+    /// in a separate round.
     pub(super) fn settling(&mut self, plans: &[Option<Plan>]) -> Vec<String> {
         let ordered = |plan: &&Plan| !plan.rivals.is_empty();
         let in_two = |plan: &Plan| {
@@ -139,7 +142,8 @@ impl Conversion<'_> {
         Ok(())
     }
 
-    /// An execution that first sets its values aside, all from before it, and sets the symbols in the next round of events.
+    /// An execution that first sets its values aside, all from before it, and sets the symbols in
+    /// the next round of events.
     fn in_two_rounds(&mut self, event: &Event, slot: &Slot, aside: &[String], settling: &str, ends: Vec<String>) -> Result<(), Fault> {
         let (flag, sets) = (self.names.fresh(&format!("{}_taken", slot.name)), self.names.fresh(&format!("{}_sets", slot.name)));
         let mut lines: Vec<String> = self.captured(event, aside)?.into_iter().map(|(own, value)| format!("next {own} = {value}")).collect();

@@ -1,4 +1,5 @@
-//! Initial values: numbers, amounts for concentrations and the other way round, what follows from what else is known at the start.
+//! Initial values: numbers, amounts for concentrations and the other way round, what follows from
+//! what else is known at the start.
 
 use std::collections::HashMap;
 
@@ -23,7 +24,8 @@ impl Conversion<'_> {
         self.steps.get() <= MOST_STEPS
     }
 
-    /// The initial value of a symbol, or of its amount where that is what is kept; whether it is a mere number.
+    /// The initial value of a symbol, or of its amount where that is what is kept; whether it is a
+    /// mere number.
     pub(super) fn start(&self, symbol: &Symbol) -> Result<Option<(String, bool)>, Fault> {
         let as_amount = self.roles.amounts.contains(&symbol.id);
         let (amount_meant, starts_as_amount) = match &symbol.kind {
@@ -86,8 +88,8 @@ impl Conversion<'_> {
         }
     }
 
-    /// An expression as initial values may read it: time is 0; discrete variables get their values after the states, so
-    /// what they start from stands for them.
+    /// An expression as initial values may read it: time is 0; discrete variables get their values
+    /// after the states, so what they start from stands for them.
     pub(super) fn at_the_start(&self, place: usize, math: &Math, depth: usize) -> Result<Math, Fault> {
         self.at_the_start_after(place, math, &HashMap::new(), depth)
     }
@@ -154,7 +156,8 @@ impl Conversion<'_> {
         changed.map_err(|why| at(place, why))
     }
 
-    /// Magnitude of a state for tolerances: its start, or the smallest start of the others where it starts from zero.
+    /// Magnitude of a state for tolerances: its start, or the smallest start of the others where it
+    /// starts from zero.
     pub(super) fn magnitude(&self, symbol: &Symbol) -> Option<f64> {
         let own = |s: &Symbol| {
             let id = s.id.clone();

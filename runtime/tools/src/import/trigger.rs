@@ -1,11 +1,12 @@
 //! Triggers of events as one comparison, which is the form that an event of the language takes.
 //!
-//! `a > 1 and b < 2` is `min(a - 1, 2 - b) > 0`: a function that is continuous where its parts are, so that its zeros are found. Conditions without such
-//! a function jump from -1 to 1.
+//! `a > 1 and b < 2` is `min(a - 1, 2 - b) > 0`: a function that is continuous where its parts are,
+//! so that its zeros are found. Conditions without such a function jump from -1 to 1.
 
 use super::math::Math;
 
-/// A trigger as a function that is positive where the condition holds, and whether it holds at zero.
+/// A trigger as a function that is positive where the condition holds, and whether it holds at
+/// zero.
 pub(super) struct Trigger {
     pub(super) value: Math,
     pub(super) at_zero: bool,
@@ -23,7 +24,8 @@ struct Seen<'a> {
     steps: &'a dyn Fn(&Math) -> bool,
 }
 
-/// The trigger of a condition, or of its negation; `steps` is whether an expression changes at events only.
+/// The trigger of a condition, or of its negation; `steps` is whether an expression changes at
+/// events only.
 ///
 /// # Errors
 /// In words, if the condition has no such function.

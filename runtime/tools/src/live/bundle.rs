@@ -15,7 +15,8 @@ pub(crate) enum Bundle {
 }
 
 impl Bundle {
-    /// The folder of `SMPL_LIVE_DIST`, else what was embedded; `None` where the program was built without the page.
+    /// The folder of `SMPL_LIVE_DIST`, else what was embedded; `None` where the program was built
+    /// without the page.
     pub(crate) fn of_program() -> Option<Self> {
         match std::env::var_os("SMPL_LIVE_DIST").filter(|folder| !folder.is_empty()) {
             Some(folder) => Some(Self::Folder(folder.into())),

@@ -128,7 +128,8 @@ impl Reader<'_> {
         let _ = socket.get_ref().stream().shutdown(std::net::Shutdown::Both);
     }
 
-    /// Requests of the page are answered here, all else by the session of the language server, if it is about files that the page may see.
+    /// Requests of the page are answered here, all else by the session of the language server, if
+    /// it is about files that the page may see.
     fn take(&mut self, message: Message) {
         match message {
             Message::Request(request) if request.method.starts_with("smpl/") => self.page.request(request),

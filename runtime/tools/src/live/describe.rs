@@ -1,4 +1,5 @@
-//! Descriptions of a model for the controls of the page: parameters, starts, actions, choices, panels.
+//! Descriptions of a model for the controls of the page: parameters, starts, actions, choices,
+//! panels.
 
 use std::sync::Arc;
 

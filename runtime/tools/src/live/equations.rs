@@ -11,7 +11,8 @@ use super::uri::uri_of;
 use super::wire::{Answer, Fault, Kind};
 use crate::lsp::OpenTexts;
 
-/// The answer to `smpl/equations`, from the text as it is; faulty statements are left out. Components and alternatives are headings.
+/// The answer to `smpl/equations`, from the text as it is; faulty statements are left out.
+/// Components and alternatives are headings.
 ///
 /// # Errors
 /// A file that cannot be read.

@@ -1,4 +1,5 @@
-//! Exports of the page: tables, pictures, the scenario of the settings, a Python script, one self-contained page.
+//! Exports of the page: tables, pictures, the scenario of the settings, a Python script, one
+//! self-contained page.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Files that the page may see: those of the opened folder, of the library, and those that were opened before.
+//! Files that the page may see: those of the opened folder, of the library, and those that were
+//! opened before.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -142,7 +143,8 @@ impl Folder {
     }
 }
 
-/// The folder of the shipped models: `SMPL_LIBRARY`, else that of the checkout from which the program runs.
+/// The folder of the shipped models: `SMPL_LIBRARY`, else that of the checkout from which the
+/// program runs.
 pub(crate) fn library() -> Option<PathBuf> {
     let set = std::env::var_os("SMPL_LIBRARY").map(PathBuf::from);
     let beside = || {

@@ -22,7 +22,8 @@ const SAFETY: &str = "Content-Security-Policy: default-src 'none'; script-src 's
      Cache-Control: no-store\r\n\
      Connection: close\r\n";
 
-/// The names under which a browser of this machine knows the server, and the secret in its addresses.
+/// The names under which a browser of this machine knows the server, and the secret in its
+/// addresses.
 #[derive(Clone, Debug)]
 pub(crate) struct Site {
     pub(crate) port: u16,

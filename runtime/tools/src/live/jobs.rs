@@ -1,4 +1,5 @@
-//! Requests that take time: a queue with its own thread, in which newer requests of a channel replace older ones.
+//! Requests that take time: a queue with its own thread, in which newer requests of a channel
+//! replace older ones.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -10,7 +11,8 @@ use serde_json::Value;
 
 use super::wire::{Fault, Kind};
 
-/// Time for which a running request is left alone though a newer one waits: a control that moves shows pictures on the way.
+/// Time for which a running request is left alone though a newer one waits: a control that moves
+/// shows pictures on the way.
 const GRACE: Duration = Duration::from_millis(250);
 /// Most requests that wait.
 const MOST: usize = 64;
@@ -78,7 +80,8 @@ impl Stop {
         }
     }
 
-    /// The error of the stop where there was one, else `fault`: what fails after a stop fails by it.
+    /// The error of the stop where there was one, else `fault`: what fails after a stop fails by
+    /// it.
     pub(crate) fn or(&self, fault: Fault) -> Fault {
         if self.flag.load(Ordering::Relaxed) { self.fault() } else { fault }
     }

@@ -64,7 +64,8 @@ pub(crate) struct Models {
 }
 
 impl Models {
-    /// The model of a file under settings; that of the last valid text where the present one is invalid.
+    /// The model of a file under settings; that of the last valid text where the present one is
+    /// invalid.
     ///
     /// # Errors
     /// [`Kind::Invalid`] with the diagnostics where there was never a valid text.

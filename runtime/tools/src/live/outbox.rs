@@ -1,4 +1,5 @@
-//! Frames to the page, sent by a separate thread: whoever has something to send does not wait for the network, until too much waits.
+//! Frames to the page, sent by a separate thread: whoever has something to send does not wait for
+//! the network, until too much waits.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};

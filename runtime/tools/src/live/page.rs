@@ -9,7 +9,8 @@ const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;mar
     h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2rem}\
     @media(prefers-color-scheme:dark){body{background:#111418;color:#e6e8eb}pre{background:#1b2027}.smpl-picture{background:#fff;color:#000}}";
 
-/// The page. `mathml` are the equations as the live page has typeset them; only elements of MathML are taken over.
+/// The page. `mathml` are the equations as the live page has typeset them; only elements of MathML
+/// are taken over.
 pub(crate) fn page(interface: &Interface, text: &str, mathml: &[String], picture: &str) -> String {
     let title = if interface.text.is_empty() { interface.name.clone() } else { format!("{}: {}", interface.name, interface.text) };
     let equations: String = mathml.iter().filter(|one| is_mathml(one)).map(|one| format!("<div class=\"eq\">{one}</div>\n")).collect();
@@ -53,7 +54,8 @@ const ELEMENTS: [&str; 27] = [
     "menclose",
 ];
 
-/// Returns whether a text has elements of MathML only, and no attribute that runs a script or leads elsewhere.
+/// Returns whether a text has elements of MathML only, and no attribute that runs a script or leads
+/// elsewhere.
 fn is_mathml(text: &str) -> bool {
     let mut parts = text.split('<');
     let starts_with_a_tag = parts.next().is_some_and(|before| before.trim().is_empty());

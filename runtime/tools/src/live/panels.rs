@@ -161,7 +161,8 @@ fn add_readings(panel: &mut Panel, readings: &HashMap<&str, &Item>, differing: &
     }
 }
 
-/// Marks the panels that are shown without being asked for: what is observed, states, actions, the reward, a few outputs.
+/// Marks the panels that are shown without being asked for: what is observed, states, actions, the
+/// reward, a few outputs.
 fn choose_first(panels: &mut [Panel], items: &[Item]) {
     let observed = |panel: &Panel| {
         let is_seen = |line: &Line| items.iter().any(|item| item.observed && item.name == items::base(&line.member.column));

@@ -1,4 +1,5 @@
-//! A PID loop on one pair: the positional form of `smpl.controllers.PID` with back calculation, so that both give the same actions.
+//! A PID loop on one pair: the positional form of `smpl.controllers.PID` with back calculation, so
+//! that both give the same actions.
 
 use smpl_runtime::catalogue::UnknownName;
 use smpl_runtime::environment::Environment;
@@ -34,7 +35,8 @@ pub(crate) struct Pid {
 }
 
 impl Pid {
-    /// A loop at the beginning of an episode. Without a set-point it regulates to the steady state, else to the present value.
+    /// A loop at the beginning of an episode. Without a set-point it regulates to the steady state,
+    /// else to the present value.
     ///
     /// # Errors
     /// Unknown names, or settings that are not numbers of the right sign.

@@ -1,4 +1,5 @@
-//! The settings of the controls as texts: a scenario in YAML, a script in Python, a line for a picture.
+//! The settings of the controls as texts: a scenario in YAML, a script in Python, a line for a
+//! picture.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -24,7 +25,8 @@ pub(crate) fn circumstances(settings: &Settings, seed: u64) -> String {
     all.collect::<Vec<_>>().join(", ")
 }
 
-/// The scenario that the settings describe, over the text of another one. What a scenario cannot say is a comment.
+/// The scenario that the settings describe, over the text of another one. What a scenario cannot
+/// say is a comment.
 ///
 /// # Errors
 /// A scenario that is not valid YAML.
@@ -96,8 +98,8 @@ fn yaml(value: &Value) -> Yaml {
     }
 }
 
-/// A script that runs the episode of the settings by `smpl.Env` and prints its return. `recorded` are actions that a policy without a
-/// counterpart in Python has drawn.
+/// A script that runs the episode of the settings by `smpl.Env` and prints its return. `recorded`
+/// are actions that a policy without a counterpart in Python has drawn.
 pub(crate) fn python(settings: &Settings, path: &Path, setup: &Setup, recorded: Option<&BTreeMap<String, Vec<f64>>>) -> String {
     let mut text = String::from("import numpy as np\nimport smpl\n");
     if settings.pid.is_some() {

@@ -94,7 +94,8 @@ pub(crate) struct Single {
 }
 
 impl Settings {
-    /// The choices for which a model is compiled. `structural` are parameters among those of the controls that shape the model.
+    /// The choices for which a model is compiled. `structural` are parameters among those of the
+    /// controls that shape the model.
     pub(crate) fn load_options(&self, structural: &BTreeMap<String, f64>) -> LoadOptions {
         let mut settings = self.settings.clone();
         settings.extend(structural.iter().map(|(name, value)| (name.clone(), Value::Number(*value))));

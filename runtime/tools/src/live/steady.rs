@@ -130,7 +130,8 @@ fn values(system: &mut CompiledSystem, setup: &Setup, y: &[f64], actions: &[f64]
     states.chain(outputs).chain(actions).chain(discretes).chain(disturbances).collect()
 }
 
-/// Eigenvalues of the linearisation, those with the largest real part first, and what is to be known of them.
+/// Eigenvalues of the linearisation, those with the largest real part first, and what is to be
+/// known of them.
 fn spectrum(system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> (Value, String) {
     if catalogue.states.len() > LARGE {
         return (Value::Null, format!("eigenvalues are not computed for more than {LARGE} states"));

@@ -1,4 +1,5 @@
-//! The structure of a model: its unknowns, the equation of each, and which unknowns are solved for together.
+//! The structure of a model: its unknowns, the equation of each, and which unknowns are solved for
+//! together.
 
 use std::collections::HashMap;
 use std::path::Path;

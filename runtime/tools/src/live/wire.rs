@@ -1,4 +1,5 @@
-//! Messages of the live page: JSON-RPC 2.0, numbers and curves as JSON, errors with the codes of the protocol.
+//! Messages of the live page: JSON-RPC 2.0, numbers and curves as JSON, errors with the codes of
+//! the protocol.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

@@ -1,4 +1,5 @@
-//! Code lenses, and the commands that they run: `smpl simulate`, `smpl steady` and `smpl live` on the saved file.
+//! Code lenses, and the commands that they run: `smpl simulate`, `smpl steady` and `smpl live` on
+//! the saved file.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};

@@ -32,12 +32,14 @@ pub struct SessionOptions {
     pub within: Option<PathBuf>,
     /// Address of the page of diagnostics, to which codes link.
     pub book: Option<String>,
-    /// The command `smpl` with its first arguments, for code lenses; without it there are no lenses.
+    /// The command `smpl` with its first arguments, for code lenses; without it there are no
+    /// lenses.
     pub command: Vec<String>,
 }
 
 impl SessionOptions {
-    /// Options from the environment: `SMPL_LIBRARY`, and `SMPL_BOOK`, else a copy of the page in the user's cache.
+    /// Options from the environment: `SMPL_LIBRARY`, and `SMPL_BOOK`, else a copy of the page in
+    /// the user's cache.
     #[must_use]
     pub fn from_environment(command: Vec<String>) -> Self {
         let library = std::env::var_os("SMPL_LIBRARY").and_then(|path| Path::new(&path).canonicalize().ok());
@@ -136,7 +138,8 @@ impl Session {
         &self.worker.shared
     }
 
-    /// Handles a message; `false` once the client has asked to exit. A panic inside becomes an error answer.
+    /// Handles a message; `false` once the client has asked to exit. A panic inside becomes an
+    /// error answer.
     pub fn handle(&mut self, message: Message) -> bool {
         match message {
             Message::Request(request) => self.request(request),
@@ -380,7 +383,8 @@ impl Session {
         Some(program)
     }
 
-    /// The main file in which a file is read: itself, or for a part of models a model that imports it, an open one first.
+    /// The main file in which a file is read: itself, or for a part of models a model that imports
+    /// it, an open one first.
     pub(super) fn root_of(&mut self, path: &Path) -> PathBuf {
         if let Some(root) = self.roots.get(path) {
             return root.clone();

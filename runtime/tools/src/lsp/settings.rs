@@ -20,7 +20,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Takes over what an object says: `{"inlayHints": {"units": false}, "codeLens": false}`, alone or under `smpl`.
+    /// Takes over what an object says: `{"inlayHints": {"units": false}, "codeLens": false}`, alone
+    /// or under `smpl`.
     pub(super) fn read(&mut self, value: &Value) {
         let value = value.get("smpl").unwrap_or(value);
         let hints = value.get("inlayHints");

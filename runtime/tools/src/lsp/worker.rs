@@ -1,6 +1,7 @@
 //! The thread that compiles texts and publishes diagnostics.
 //!
-//! For each main file the newest text counts: a check that a newer text has overtaken is cancelled, and nothing of it is published.
+//! For each main file the newest text counts: a check that a newer text has overtaken is cancelled,
+//! and nothing of it is published.
 
 use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -180,7 +181,8 @@ impl Shared {
         }
     }
 
-    /// Answers a request for diagnostics: at once if nothing is being checked, else after the check.
+    /// Answers a request for diagnostics: at once if nothing is being checked, else after the
+    /// check.
     pub(super) fn pull(&self, id: RequestId, file: &Path, root: &Path) {
         let mut state = self.state();
         let busy = state.jobs.contains_key(root) || state.current.as_ref().is_some_and(|(path, _)| path == root);

@@ -72,7 +72,8 @@ fn exponent(largest: f64) -> i32 {
     if largest > 0.0 && largest.is_finite() && !(0.01..1e4).contains(&largest) { power_of_thousand(largest) } else { 0 }
 }
 
-/// The range for values: a little wider than they are, and never so narrow that labels need more than five digits. `None` where there is no value.
+/// The range for values: a little wider than they are, and never so narrow that labels need more
+/// than five digits. `None` where there is no value.
 pub(super) fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let (low, high) = values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {

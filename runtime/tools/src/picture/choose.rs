@@ -11,7 +11,8 @@ const ROOMY: usize = 12;
 
 /// Most panels of a page where no names are given.
 const MOST_PANELS: usize = 24;
-/// Most outputs among them that are neither observed nor bounded, on a page of more panels than are roomy.
+/// Most outputs among them that are neither observed nor bounded, on a page of more panels than are
+/// roomy.
 const MOST_OUTPUTS: usize = 4;
 const MOST_FIELDS: usize = 4;
 const MOST_ACTIONS: usize = 6;
@@ -71,8 +72,9 @@ fn constant(panel: &Panel) -> Option<String> {
 
 /// Keeps those panels that fit a page, in their order, and returns the names of the others.
 ///
-/// Of each part of the page those stay that come first by rank (observed, with bounds or set-point, states, the rest), and within a rank those
-/// that vary most, relative to their size. `maps` is the number of panels that a field has.
+/// Of each part of the page those stay that come first by rank (observed, with bounds or set-point,
+/// states, the rest), and within a rank those that vary most, relative to their size. `maps` is the
+/// number of panels that a field has.
 fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
     let count = |part: Part, most: usize| {
         let of_part = panels.iter().filter(|(plan, _)| plan.dispensable && plan.part == part).count();
@@ -117,7 +119,8 @@ fn relative_variation(panel: &Panel) -> f64 {
     if high > low && size > 0.0 { high / size - low / size } else { 0.0 }
 }
 
-/// Gives maps of one field of several instances, or of several runs, the same colours for the same values.
+/// Gives maps of one field of several instances, or of several runs, the same colours for the same
+/// values.
 fn share_scales(panels: &mut [(&PanelPlan, Panel)]) {
     let mut ranges: Vec<(String, (f64, f64))> = Vec::new();
     let key = |plan: &PanelPlan| format!("{} {}", plan.family, plan.unit);

@@ -2,7 +2,8 @@
 
 use super::drawing::Colour;
 
-/// The qualitative colours of M. Okabe and K. Ito, Color Universal Design (2008), without yellow, which is lost on white; darkest contrasts first.
+/// The qualitative colours of M. Okabe and K. Ito, Color Universal Design (2008), without yellow,
+/// which is lost on white; darkest contrasts first.
 pub(super) const CURVES: [Colour; 8] = [BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK, Colour(120, 120, 120)];
 /// Blue of that palette; so the following.
 pub(super) const BLUE: Colour = Colour(0, 114, 178);
@@ -85,7 +86,8 @@ mod tests {
         assert!(shades.windows(2).all(|pair| pair[0] < pair[1]));
     }
 
-    /// The contrast of graphics that the Web Content Accessibility Guidelines 2.1 ask for is 3; pale curves are exempt in no format.
+    /// The contrast of graphics that the Web Content Accessibility Guidelines 2.1 ask for is 3;
+    /// pale curves are exempt in no format.
     #[test]
     fn bands_leave_the_first_curves_readable() {
         for index in 0..12 {

@@ -1,6 +1,8 @@
-//! The one drawing behind every format: a list of marks on a page, in the order in which they are painted.
+//! The one drawing behind every format: a list of marks on a page, in the order in which they are
+//! painted.
 //!
-//! Lengths are in pixels of 1/96 inch, the origin is the upper left corner. All colours are opaque, so that every format shows the same.
+//! Lengths are in pixels of 1/96 inch, the origin is the upper left corner. All colours are opaque,
+//! so that every format shows the same.
 
 use super::font::{self, Weight};
 

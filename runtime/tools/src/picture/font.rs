@@ -1,4 +1,5 @@
-//! Letters: DejaVu Sans Condensed, whose widths lay out every page and whose outlines are in the bitmaps and PDF files.
+//! Letters: DejaVu Sans Condensed, whose widths lay out every page and whose outlines are in the
+//! bitmaps and PDF files.
 //!
 //! Programs that show an SVG file without this font take one that is hardly wider (see `svg`).
 

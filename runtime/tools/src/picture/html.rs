@@ -1,5 +1,6 @@
-//! Pictures to look into: the SVG drawing, the numbers behind it, and a small script that reads them out where it is pointed at and
-//! makes a part of the time as wide as the page. Nothing is fetched.
+//! Pictures to look into: the SVG drawing, the numbers behind it, and a small script that reads
+//! them out where it is pointed at and makes a part of the time as wide as the page. Nothing is
+//! fetched.
 
 use serde_json::{Value, json};
 
@@ -22,7 +23,8 @@ pub(super) fn page(picture: &Picture) -> String {
     )
 }
 
-/// A part of a page. Names of clip paths are made its own, so that several parts can be on one page.
+/// A part of a page. Names of clip paths are made its own, so that several parts can be on one
+/// page.
 pub(super) fn part(picture: &Picture, id: &str) -> String {
     let svg = picture.svg().replace("id=\"seen-", &format!("id=\"{id}-seen-")).replace("url(#seen-", &format!("url(#{id}-seen-"));
     // `</` or `<!--` in a text would end the script or comment out its end.

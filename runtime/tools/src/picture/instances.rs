@@ -1,11 +1,14 @@
-//! Instances of one component: the same quantity of each is one quantity with the instances as its first index.
+//! Instances of one component: the same quantity of each is one quantity with the instances as its
+//! first index.
 
 use super::items::{Index, Item, Member, Role, UNNAMED};
 
-/// Fewest instances with their own names, `T1` to `T4`, that share a panel; those of an array always do.
+/// Fewest instances with their own names, `T1` to `T4`, that share a panel; those of an array
+/// always do.
 const LEAST_NAMED: usize = 4;
 
-/// The name of a quantity in any instance: `col[*].c` for `col[2].c`, `T*.h` for `T12.h`; the name itself where no instance has a number.
+/// The name of a quantity in any instance: `col[*].c` for `col[2].c`, `T*.h` for `T12.h`; the name
+/// itself where no instance has a number.
 pub(super) fn family(name: &str) -> String {
     parts(name).map_or_else(|| name.to_owned(), |part| part.family())
 }
@@ -36,7 +39,8 @@ fn parts(name: &str) -> Option<Numbered<'_>> {
     (!stem.is_empty()).then_some(Numbered { stem, number, rest, in_array: false })
 }
 
-/// The quantities, those that instances of one component have in common as one; fields over space stay what they are.
+/// The quantities, those that instances of one component have in common as one; fields over space
+/// stay what they are.
 pub(super) fn gathered(items: &[Item]) -> Vec<Item> {
     let is_field = |item: &Item| item.indices.last().is_some_and(Index::is_space);
     let alike = |a: &Item, b: &Item| {

@@ -162,7 +162,8 @@ fn spaces(grids: &[Grid]) -> Vec<Option<Arc<Space>>> {
     grids.iter().map(|grid| (!grid.faces.is_empty()).then(|| Arc::new(space(grid)))).collect()
 }
 
-/// Returns `true` if cells lie where the compiled model says: the parameters that it computed them from have the values that they had.
+/// Returns `true` if cells lie where the compiled model says: the parameters that it computed them
+/// from have the values that they had.
 #[must_use]
 pub fn knows_space(setup: &Setup, parameters: &[f64]) -> bool {
     let model = setup.model();
@@ -260,7 +261,8 @@ fn plain(name: String, role: Role) -> Item {
     Item { name, role, unit: String::new(), text: String::new(), indices: Vec::new(), members: Vec::new(), observed: false }
 }
 
-/// The quantities of the columns of a table. `is_action` shows the columns that are empty in the first row and full after it.
+/// The quantities of the columns of a table. `is_action` shows the columns that are empty in the
+/// first row and full after it.
 #[must_use]
 pub fn of_columns(names: &[String], is_action: impl Fn(&str) -> bool) -> Vec<Item> {
     const KEYS: [&str; 9] = ["step", "time", "terminated", "truncated", "run", "scenario", "seed", "episode", "variant"];

@@ -111,7 +111,8 @@ pub(super) fn page(panels: &Panels, runs: &[Run], heading: &Heading) -> Page {
 /// Most entries of a note below the panels.
 const MOST_NOTED: usize = 30;
 
-/// A note below the panels, in lines no wider than `room`: how many entries there are, and the first of them.
+/// A note below the panels, in lines no wider than `room`: how many entries there are, and the
+/// first of them.
 fn wrapped(heading: &str, entries: &[String], room: f64) -> Vec<String> {
     let mut words: Vec<String> = entries.iter().take(MOST_NOTED).map(|entry| format!("{entry};")).collect();
     if entries.len() > MOST_NOTED {
@@ -206,7 +207,8 @@ impl Grid {
         self.top + self.cell * self.count.div_ceil(self.columns).max(1) as f64
     }
 
-    /// Returns `true` if the name of the abscissa is below a panel: it is not time, or time of no panel is below.
+    /// Returns `true` if the name of the abscissa is below a panel: it is not time, or time of no
+    /// panel is below.
     fn is_free(&self, index: usize, panels: &Panels) -> bool {
         let over_space = |i: usize| panels.panels.get(i).is_none_or(|p| p.over_space);
         over_space(index) || over_space(index + self.columns)
@@ -333,7 +335,8 @@ fn write_names(drawing: &mut Drawing, panel: &Panel, place: &Placed, panels: &Pa
     }
 }
 
-/// Names of the series of a panel with their colours, in lines no wider than `room`; none where they need no names.
+/// Names of the series of a panel with their colours, in lines no wider than `room`; none where
+/// they need no names.
 fn series_lines(panel: &Panel, room: f64) -> Vec<Vec<(&str, Colour)>> {
     let Body::Curves(curves) = &panel.body else { return Vec::new() };
     let mut lines: Vec<Vec<(&str, Colour)>> = Vec::new();

@@ -56,7 +56,8 @@ pub(super) fn event_colour(index: usize) -> Colour {
 }
 
 impl Legend {
-    /// The legend of panels and runs in lines no wider than `room`. `phases` are the names of those that occur, with their numbers.
+    /// The legend of panels and runs in lines no wider than `room`. `phases` are the names of those
+    /// that occur, with their numbers.
     pub(super) fn new(panels: &Panels, runs: &[Run], phases: &[(usize, String)], room: f64) -> Self {
         let mut entries = run_entries(runs);
         entries.extend(guides(panels));

@@ -20,7 +20,8 @@ pub enum SavedError {
     Show(#[from] ShowError),
 }
 
-/// A picture of tables that `smpl simulate --out` wrote, drawn over one another. Units, bounds and set-points come from the model, if there is one.
+/// A picture of tables that `smpl simulate --out` wrote, drawn over one another. Units, bounds and
+/// set-points come from the model, if there is one.
 ///
 /// # Errors
 /// See [`SavedError`].
@@ -49,7 +50,8 @@ pub fn of_tables(paths: &[PathBuf], show: &[String], setup: Option<&Setup>) -> R
     })
 }
 
-/// Returns `true` if cells lie where the model says in the run of a table: no column says that a parameter which places them had its own value.
+/// Returns `true` if cells lie where the model says in the run of a table: no column says that a
+/// parameter which places them had its own value.
 fn tells_space(setup: &Setup, run: &Run) -> bool {
     let model = setup.model();
     let places: HashSet<usize> = model

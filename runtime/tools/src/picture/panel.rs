@@ -1,4 +1,5 @@
-//! Panels with their numbers: curves, maps and what is next to them, before they have a place on a page.
+//! Panels with their numbers: curves, maps and what is next to them, before they have a place on a
+//! page.
 
 use super::axis::{Axis, span};
 use super::colour;
@@ -156,7 +157,8 @@ pub(super) fn is_constant(values: &[f64]) -> bool {
     finite.all(|v| (v - first).abs() <= 1e-9 * first.abs().max(v.abs()))
 }
 
-/// Returns whether a field has one value everywhere and always; a map of it would magnify rounding errors.
+/// Returns whether a field has one value everywhere and always; a map of it would magnify rounding
+/// errors.
 fn is_uniform(cells: &[Member], run: &Run) -> bool {
     let values = || cells.iter().filter_map(|cell| run.column(&cell.column)).flatten().copied();
     let (low, high) = extremes(values());
@@ -281,7 +283,8 @@ fn last(run: &Run, column: &str) -> f64 {
     run.column(column).and_then(finite).unwrap_or(f64::NAN)
 }
 
-/// Centres of cells; where these are not known, their numbers, as labels say where they are numbers.
+/// Centres of cells; where these are not known, their numbers, as labels say where they are
+/// numbers.
 fn places(cells: &[Member], space: Option<&Space>) -> Vec<f64> {
     if let Some(space) = space.filter(|space| space.faces.len() == cells.len() + 1) {
         return space.faces.windows(2).map(|face| 0.5 * (face[0] + face[1])).collect();
@@ -362,13 +365,15 @@ fn map(cells: &[Member], space: Option<&Space>, index: &str, run: &Run) -> Map {
     Map { labels: shown.iter().map(label).collect(), ends, columns, values, range }
 }
 
-/// Range of the colours of a map: at least a hundredth of the values, so that small changes look small.
+/// Range of the colours of a map: at least a hundredth of the values, so that small changes look
+/// small.
 fn wide_enough(low: f64, high: f64) -> (f64, f64) {
     let least = 1e-2 * low.abs().max(high.abs()).max(1e-300);
     if high - low >= least { (low, high) } else { (0.5 * (low + high) - 0.5 * least, 0.5 * (low + high) + 0.5 * least) }
 }
 
-/// The cell that each row of a map shows, from the lowest place on, and the ends of the map. Rows are equally high, cells need not be.
+/// The cell that each row of a map shows, from the lowest place on, and the ends of the map. Rows
+/// are equally high, cells need not be.
 fn rows(cells: &[Member], space: Option<&Space>) -> (Vec<usize>, (f64, f64)) {
     const FINER: usize = 4;
     let count = cells.len();

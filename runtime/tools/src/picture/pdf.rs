@@ -1,4 +1,5 @@
-//! Drawings as PDF files of one page, with the letters that they use embedded, so that text can be searched and copied.
+//! Drawings as PDF files of one page, with the letters that they use embedded, so that text can be
+//! searched and copied.
 
 use std::collections::BTreeMap;
 

@@ -117,8 +117,9 @@ fn split(list: &str, separator: char) -> Vec<String> {
 
 /// The panels that the names ask for; a sensible choice if missing.
 ///
-/// A name is that of a quantity (`T`, `R1.c`), of one of its numbers (`R1.c[tropine,3]`), of some of them (`R1.c[tropine,*]`), of a column
-/// (`obs.T`, `reward.yield`), of all of a role (`states`), or `all`; `profile:col.c` are curves over space, `T+T_c` share a panel.
+/// A name is that of a quantity (`T`, `R1.c`), of one of its numbers (`R1.c[tropine,3]`), of some
+/// of them (`R1.c[tropine,*]`), of a column (`obs.T`, `reward.yield`), of all of a role (`states`),
+/// or `all`; `profile:col.c` are curves over space, `T+T_c` share a panel.
 ///
 /// # Errors
 /// See [`ShowError`].
@@ -205,7 +206,8 @@ fn found(items: &[Item], name: &str) -> Result<Item, UnknownName> {
     }
 }
 
-/// Returns `true` if a label fits a pattern: `*` stands for any index, and indices that are left out too.
+/// Returns `true` if a label fits a pattern: `*` stands for any index, and indices that are left
+/// out too.
 fn matches(label: &str, pattern: &str) -> bool {
     let (labels, patterns): (Vec<&str>, Vec<&str>) = (label.split(',').collect(), pattern.split(',').collect());
     patterns.len() <= labels.len() && labels.iter().zip(&patterns).all(|(label, pattern)| *pattern == "*" || pattern == label)
@@ -246,7 +248,8 @@ fn lines(item: &Item, members: &[Member]) -> Vec<Line> {
     members.iter().map(line).collect()
 }
 
-/// A field over a domain: a map; of several fields, or of one over two domains, what a page can show of it.
+/// A field over a domain: a map; of several fields, or of one over two domains, what a page can
+/// show of it.
 fn in_space(item: &Item) -> PanelPlan {
     let cells = item.indices.last().map_or(1, |last| last.labels.len());
     match item.indices.len() {
@@ -311,8 +314,9 @@ fn is_shadow(items: &[Item], observation: &Item) -> bool {
     items.iter().any(|i| i.role != Role::Observation && i.role != Role::Reward && i.name == observation.name)
 }
 
-/// Panels where no names are given: what is observed, the states, the outputs, fields, the actions, what is discrete, the reward. Those that do not
-/// fit a page leave it once there are numbers (see `choose`).
+/// Panels where no names are given: what is observed, the states, the outputs, fields, the actions,
+/// what is discrete, the reward. Those that do not fit a page leave it once there are numbers (see
+/// `choose`).
 fn usual(items: &[Item]) -> Vec<PanelPlan> {
     let items = &gathered(items);
     let schedule = |name: &str| matches!(name, "phase" | "phase_start" | "phase_time") && items.iter().any(|i| i.name == "phase");

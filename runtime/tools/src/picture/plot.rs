@@ -48,7 +48,8 @@ impl Pen<'_> {
         self.guide_labels(curves);
     }
 
-    /// Numbers of bounds and set-points that no tick marks, each where it covers the fewest points of curves.
+    /// Numbers of bounds and set-points that no tick marks, each where it covers the fewest points
+    /// of curves.
     fn guide_labels(&mut self, curves: &Curves) {
         const SIZE: f64 = LABEL - 0.5;
         let (place, plot) = (self.place, self.place.plot);
@@ -184,7 +185,8 @@ impl Pen<'_> {
         const SHADES: usize = 64;
         let plot = self.place.plot;
         let bar = Frame { x: plot.right() + 6.0, y: plot.y, width: BAR, height: plot.height };
-        // Each shade goes a little beneath the one above it, lest the page shines through between them.
+        // Each shade goes a little beneath the one above it, lest the page shines through between
+        // them.
         for i in 0..SHADES {
             let height = plot.height / SHADES as f64;
             let top = plot.bottom() - height * (i + 1) as f64;
@@ -235,7 +237,8 @@ fn seen(plot: Frame, place: &Placed) -> Frame {
     Frame { y: plot.y - strip - 1.0, height: plot.height + strip + 2.0, ..plot }
 }
 
-/// No more points than can be seen: of those within a half of a pixel the first, the lowest, the highest and the last.
+/// No more points than can be seen: of those within a half of a pixel the first, the lowest, the
+/// highest and the last.
 fn thinned(points: &[(f64, f64)], width: f64) -> Vec<(f64, f64)> {
     if points.len() < (6.0 * width) as usize {
         return points.to_vec();

@@ -1,4 +1,5 @@
-//! Numbers, units and times as text, the same in every picture: significant digits, SI prefixes, one unit of time.
+//! Numbers, units and times as text, the same in every picture: significant digits, SI prefixes,
+//! one unit of time.
 
 use smpl_dsl::units;
 
@@ -36,13 +37,15 @@ fn superscript(digit: char) -> char {
     }
 }
 
-/// Unit of an axis whose labels are in powers of ten: `[MJ/kg]`, `[10³ L]`, with its brackets; nothing for plain numbers.
+/// Unit of an axis whose labels are in powers of ten: `[MJ/kg]`, `[10³ L]`, with its brackets;
+/// nothing for plain numbers.
 pub(super) fn bracketed(unit_text: &str, exponent: i32) -> String {
     let scaled = scaled(unit_text, exponent);
     if scaled.is_empty() { scaled } else { format!("[{scaled}]") }
 }
 
-/// The unit `10^exponent` times as large: with an SI prefix where the unit takes it, else with the power before it.
+/// The unit `10^exponent` times as large: with an SI prefix where the unit takes it, else with the
+/// power before it.
 pub(super) fn scaled(unit_text: &str, exponent: i32) -> String {
     if exponent == 0 {
         return unit_text.to_owned();
@@ -56,7 +59,8 @@ const PREFIXES: [(&str, i32); 9] = [("p", -12), ("n", -9), ("\u{b5}", -6), ("m",
 /// Units of which larger multiples are not in use, with the largest one: kg, km, but L, s and K.
 const LARGEST: [(&str, i32); 5] = [("g", 3), ("m", 3), ("L", 0), ("s", 0), ("K", 0)];
 
-/// A unit with the prefix that makes it `10^exponent` times as large; `None` where its first symbol does not take it.
+/// A unit with the prefix that makes it `10^exponent` times as large; `None` where its first symbol
+/// does not take it.
 fn prefixed(unit_text: &str, exponent: i32) -> Option<String> {
     let end = unit_text.find(|c: char| !(c.is_alphabetic() || c == '\u{b5}')).unwrap_or(unit_text.len());
     let (symbol, rest) = unit_text.split_at(end);
@@ -81,7 +85,8 @@ pub(super) fn power_of_thousand(value: f64) -> i32 {
     3 * (value.log10() / 3.0 + 1e-9).floor() as i32
 }
 
-/// A number with five significant digits at most: `0.6590` is `0.659`, `2433073` is `2.4331\u{d7}10\u{2076}`.
+/// A number with five significant digits at most: `0.6590` is `0.659`, `2433073` is
+/// `2.4331\u{d7}10\u{2076}`.
 pub(crate) fn short(value: f64) -> String {
     const DIGITS: i32 = 5;
     if value == 0.0 || !value.is_finite() {
@@ -132,7 +137,8 @@ fn is_superscript(c: char) -> bool {
 /// Units of time from short to long, in seconds.
 const TIMES: [(&str, f64); 4] = [("s", 1.0), ("min", 60.0), ("h", 3600.0), ("d", 86_400.0)];
 
-/// The unit in which a length of time is a number between about 1 and 500, and the factor to it; the given one for unusual units.
+/// The unit in which a length of time is a number between about 1 and 500, and the factor to it;
+/// the given one for unusual units.
 pub(super) fn readable_time(given: &str, length: f64) -> (String, f64) {
     let Some(&(_, size)) = TIMES.iter().find(|(name, _)| *name == given) else { return (given.to_owned(), 1.0) };
     let fits = |&&(_, unit): &&(&str, f64)| (1.0..500.0).contains(&(length * size / unit));

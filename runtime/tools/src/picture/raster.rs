@@ -10,7 +10,8 @@ use super::font;
 /// Most pixels of a side.
 const LARGEST: f64 = 20_000.0;
 
-/// A picture of `scale` pixels for each pixel of the drawing; `None` where it would be empty or beyond reason.
+/// A picture of `scale` pixels for each pixel of the drawing; `None` where it would be empty or
+/// beyond reason.
 fn paint(drawing: &Drawing, scale: f64) -> Option<Pixmap> {
     let side = |length: f64| (length * scale).ceil().clamp(1.0, LARGEST) as u32;
     let mut map = Pixmap::new(side(drawing.width), side(drawing.height))?;

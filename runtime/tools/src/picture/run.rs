@@ -22,7 +22,8 @@ pub struct Run {
     pub events: Vec<(f64, String)>,
     /// When which phase began, by its number from 0.
     pub phases: Vec<(f64, usize)>,
-    /// Cells may lie elsewhere than the compiled model says: parameters that place them had other values.
+    /// Cells may lie elsewhere than the compiled model says: parameters that place them had other
+    /// values.
     pub moved: bool,
 }
 
@@ -101,7 +102,8 @@ impl Run {
         self.column("time").map_or_else(|| (0..rows).map(|i| i as f64).collect(), <[f64]>::to_vec)
     }
 
-    /// Returns `true` if a column is empty in the first row and has numbers after it, as those of actions are.
+    /// Returns `true` if a column is empty in the first row and has numbers after it, as those of
+    /// actions are.
     #[must_use]
     pub(crate) fn is_action(&self, name: &str) -> bool {
         let empty_first = |column: &[f64]| column.len() > 1 && column[0].is_nan() && column[1..].iter().any(|x| x.is_finite());
@@ -216,15 +218,16 @@ impl Tracing {
     }
 }
 
-/// Goes along with an environment, step by step, and looks at what happens within steps. The environment's own results are not touched: steps
-/// are taken twice.
+/// Goes along with an environment, step by step, and looks at what happens within steps. The
+/// environment's own results are not touched: steps are taken twice.
 pub struct Follower {
     shadow: Environment,
     tracing: Tracing,
 }
 
 impl Follower {
-    /// For an environment of `setup` and a run of `steps` steps; `None` where steps are short enough and nothing happens within.
+    /// For an environment of `setup` and a run of `steps` steps; `None` where steps are short
+    /// enough and nothing happens within.
     ///
     /// # Errors
     /// If the solver refuses the system, which it has accepted before.

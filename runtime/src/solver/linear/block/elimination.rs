@@ -1,8 +1,10 @@
-//! The factorisation of a large block as a list of sums, four at a time where they have as many terms.
+//! The factorisation of a large block as a list of sums, four at a time where they have as many
+//! terms.
 //!
-//! Row by row, the processor waits at nearly every product for the one before: each is added to a number that has just been stored. But an entry of L or U
-//! waits only for the entries of its sum, a_ij − Σ l_ik u_kj (Crout's form of Gaussian elimination). Entries that do not wait for each other form a level;
-//! those of a level with as many terms are done side by side.
+//! Row by row, the processor waits at nearly every product for the one before: each is added to a
+//! number that has just been stored. But an entry of L or U waits only for the entries of its sum,
+//! a_ij − Σ l_ik u_kj (Crout's form of Gaussian elimination). Entries that do not wait for each
+//! other form a level; those of a level with as many terms are done side by side.
 
 use super::reciprocal;
 
@@ -89,8 +91,9 @@ struct Chunk {
 /// L U = D with a diagonal of ones in L.
 pub(super) struct Elimination {
     chunks: Box<[Chunk]>,
-    /// For each chunk, of each of its numbers: the entry of the matrix, unless it is fill; both factors of each term; the reciprocal of the pivot and the
-    /// place, if it is of L; the place, if it is a pivot.
+    /// For each chunk, of each of its numbers: the entry of the matrix, unless it is fill; both
+    /// factors of each term; the reciprocal of the pivot and the place, if it is of L; the place,
+    /// if it is a pivot.
     places: Box<[u32]>,
     /// Minus L, U and the reciprocals of the pivots, in the order of the chunks.
     numbers: Box<[f64]>,
@@ -147,7 +150,8 @@ impl Elimination {
         let mut places = self.places.as_ptr();
         let numbers = self.numbers.as_mut_ptr();
         let mut result = numbers;
-        // SAFETY: `new` wrote as many places as are read here, of entries and factors that exist by the contract, and of numbers of earlier chunks.
+        // SAFETY: `new` wrote as many places as are read here, of entries and factors that exist by
+        // the contract, and of numbers of earlier chunks.
         unsafe {
             for chunk in &self.chunks {
                 let served = if chunk.single {

@@ -11,12 +11,13 @@ use crate::solver::{IdaFlag, Pattern, SolveError};
 /// KLU's number for the ordering by approximate minimum degree of A + Aᵀ.
 const AMD: c_long = 0;
 
-/// Rows from which on a block is ordered in rounds, and how many times as many entries its factor may have for that.
+/// Rows from which on a block is ordered in rounds, and how many times as many entries its factor
+/// may have for that.
 const LONG: usize = 32;
 const MOST_FILL: f64 = 1.25;
 
-/// Rows and columns in the order of elimination: diagonal blocks one after the other, each after those that it depends on,
-/// with a full diagonal.
+/// Rows and columns in the order of elimination: diagonal blocks one after the other, each after
+/// those that it depends on, with a full diagonal.
 pub(super) struct Order {
     /// Original row of each place.
     pub rows: Vec<u32>,
@@ -29,7 +30,8 @@ pub(super) struct Order {
 }
 
 impl Order {
-    /// By KLU's analysis: maximum matching, strongly connected components, approximate minimum degree.
+    /// By KLU's analysis: maximum matching, strongly connected components, approximate minimum
+    /// degree.
     pub(super) fn new(pattern: &Pattern) -> Result<Self, SolveError> {
         let n = pattern.dimension();
         let mut starts: Vec<c_long> = pattern.column_starts().iter().map(|&i| i as c_long).collect();
@@ -42,8 +44,8 @@ impl Order {
             }
         }
         let mut order = Self { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n), ends: Vec::new(), fill: Vec::new() };
-        // SAFETY: `klu_l_defaults` sets every field of `common`; the arrays are those of a pattern, and the analysis that is
-        // read has `n` rows and columns and `nblocks` blocks.
+        // SAFETY: `klu_l_defaults` sets every field of `common`; the arrays are those of a pattern,
+        // and the analysis that is read has `n` rows and columns and `nblocks` blocks.
         unsafe {
             let mut common: klu_l_common = std::mem::zeroed();
             klu_l_defaults(&mut common);

@@ -1,9 +1,12 @@
 //! Minimum degree in rounds: an order of elimination in which many rows do not wait for each other.
 //!
-//! Minimum degree takes a chain of cells from its ends, so that each cell waits for the one before, in the factorisation and in every substitution. Here the nodes
-//! of a round are not neighbours of each other (Liu, Modification of the minimum-degree algorithm by multiple elimination, *ACM Trans. Math. Softw.* 11 (1985)
-//! 141–153), and where those of the least degree are few, those of the next are taken too: every other cell of a chain, then every other one of what is left
-//! (cyclic reduction). 150 cells of ten shells each wait for each other 31 times instead of 329, with as many products.
+//! Minimum degree takes a chain of cells from its ends, so that each cell waits for the one before,
+//! in the factorisation and in every substitution. Here the nodes of a round are not neighbours of
+//! each other (Liu, Modification of the minimum-degree algorithm by multiple elimination, *ACM
+//! Trans. Math. Softw.* 11 (1985) 141–153), and where those of the least degree are few, those of
+//! the next are taken too: every other cell of a chain, then every other one of what is left
+//! (cyclic reduction). 150 cells of ten shells each wait for each other 31 times instead of 329,
+//! with as many products.
 
 /// Nodes of a round below which those of the next degree are taken too.
 const FEW: usize = 8;
@@ -21,7 +24,8 @@ struct Elimination {
     merged: Vec<u32>,
 }
 
-/// The order of elimination, and the number of entries of the factor L without its diagonal; nothing if that takes too long.
+/// The order of elimination, and the number of entries of the factor L without its diagonal;
+/// nothing if that takes too long.
 pub(super) fn order(neighbours: Vec<Vec<u32>>) -> Option<(Vec<u32>, usize)> {
     let (mut order, mut fill) = (Vec::with_capacity(neighbours.len()), 0);
     let mut left: Vec<u32> = (0..neighbours.len() as u32).collect();
@@ -62,7 +66,8 @@ impl Elimination {
         self.neighbours[node as usize].len()
     }
 
-    /// Nodes of a degree that are not neighbours of each other, nor of those chosen before in this round.
+    /// Nodes of a degree that are not neighbours of each other, nor of those chosen before in this
+    /// round.
     fn choose(&mut self, left: &[u32], round: u32, degree: usize) -> Vec<u32> {
         let mut chosen = Vec::new();
         for &node in left {
@@ -133,7 +138,8 @@ mod tests {
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert!(sorted.into_iter().eq(0..256));
-        // Cyclic reduction has a fill of one a node; from one end, a chain has none, and waits 255 times.
+        // Cyclic reduction has a fill of one a node; from one end, a chain has none, and waits 255
+        // times.
         assert!(fill <= 2 * 256, "{fill}");
         assert!(depth(&order, chain(256)) <= 12, "{}", depth(&order, chain(256)));
         assert_eq!(depth(&(0..256).collect::<Vec<_>>(), chain(256)), 255);

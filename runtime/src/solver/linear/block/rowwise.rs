@@ -1,4 +1,5 @@
-//! The factorisation of a large block row by row, for factors with so much fill that a list of all products would be long.
+//! The factorisation of a large block row by row, for factors with so much fill that a list of all
+//! products would be long.
 
 use super::elimination::{Move, Rows};
 use super::reciprocal;
@@ -79,7 +80,8 @@ impl RowWise {
     #[inline(always)]
     pub(crate) unsafe fn run(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
         let Self { lower, upper, upper_values, inverse_diagonal, work, .. } = self;
-        // SAFETY: rows, columns and places are those of the structure, whose lengths `values` and `factors` have by the contract.
+        // SAFETY: rows, columns and places are those of the structure, whose lengths `values` and
+        // `factors` have by the contract.
         unsafe {
             for row in 0..inverse_diagonal.len() {
                 for item in self.entries.get_unchecked(range(&self.entry_starts, row)) {

@@ -19,11 +19,12 @@ pub(super) enum Step {
     Large(Box<Large>),
 }
 
-/// Small blocks, in the order of their steps. With D the block and B what is before it, x = D⁻¹ b − D⁻¹ B x_before. Of adjacent blocks, items come
-/// in turns.
+/// Small blocks, in the order of their steps. With D the block and B what is before it, x = D⁻¹ b −
+/// D⁻¹ B x_before. Of adjacent blocks, items come in turns.
 #[derive(Default)]
 pub(super) struct Small {
-    /// Number of entries of D, and of columns of B that are not zero, of each block or of blocks side by side.
+    /// Number of entries of D, and of columns of B that are not zero, of each block or of blocks
+    /// side by side.
     counts: Vec<(u32, u32)>,
     /// Entries of D, to places of the full block by rows.
     inside: Vec<Move>,
@@ -65,14 +66,17 @@ unsafe fn take<'a, T>(from: &mut &'a [T], count: usize) -> &'a [T] {
 }
 
 impl Cursor<'_> {
-    /// Inverts the next blocks, of dimension `N`, and sets their factors; false where a pivot does not serve.
+    /// Inverts the next blocks, of dimension `N`, and sets their factors; false where a pivot does
+    /// not serve.
     ///
     /// # Safety
-    /// `values` and `factors` have the lengths for which the structure was made, and the next `L` blocks are adjacent and have dimension `N`.
+    /// `values` and `factors` have the lengths for which the structure was made, and the next `L`
+    /// blocks are adjacent and have dimension `N`.
     #[inline(always)]
     pub(crate) unsafe fn invert<const N: usize, const L: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
-        // SAFETY: places and entries are those of the structure, whose lengths `values` and `factors` have by the contract; blocks are taken
-        // in the order in which the structure was written, so that a next one with as many items is there.
+        // SAFETY: places and entries are those of the structure, whose lengths `values` and
+        // `factors` have by the contract; blocks are taken in the order in which the structure was
+        // written, so that a next one with as many items is there.
         unsafe {
             let &(entries, columns) = self.counts.next().unwrap_unchecked();
             let mut block = [[[0.0_f64; L]; N]; N];
@@ -134,7 +138,8 @@ fn subtract<const L: usize>(from: &mut [f64; L], a: &[f64; L], b: &[f64; L]) {
     }
 }
 
-/// Gauss–Jordan elimination in place, pivots on the diagonal, of blocks side by side; false where one does not serve.
+/// Gauss–Jordan elimination in place, pivots on the diagonal, of blocks side by side; false where
+/// one does not serve.
 #[inline(always)]
 fn invert<const N: usize, const L: usize>(a: &mut [[[f64; L]; N]; N]) -> bool {
     let diagonal: [[f64; L]; N] = std::array::from_fn(|i| a[i][i]);
@@ -189,7 +194,8 @@ impl Large {
     /// `values` and `factors` have the lengths for which the structure was made.
     #[inline(always)]
     pub(crate) unsafe fn eliminate(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
-        // SAFETY: entries and places are those of the structure, whose lengths `values` and `factors` have by the contract.
+        // SAFETY: entries and places are those of the structure, whose lengths `values` and
+        // `factors` have by the contract.
         unsafe {
             for item in &self.outside {
                 *factors.get_unchecked_mut(item.to as usize) = -*values.get_unchecked(item.entry as usize);
@@ -327,8 +333,8 @@ fn draft_large(entries: &Entries, block: Range<u32>, sums: &mut Vec<Vec<Source>>
     Draft::Large { block, lower, upper, sums: first..sums.len() as u32 }
 }
 
-/// Columns of a row of L and U, fill included, from its entries and the rows of U above. `seen` holds the last row that each column was
-/// found in.
+/// Columns of a row of L and U, fill included, from its entries and the rows of U above. `seen`
+/// holds the last row that each column was found in.
 fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>], seen: &mut [u32]) -> (Vec<u32>, Vec<u32>) {
     let (mut waiting, mut left, mut right) = (BinaryHeap::new(), Vec::new(), Vec::new());
     let mut take = |column: u32, waiting: &mut BinaryHeap<Reverse<u32>>| {
@@ -394,7 +400,8 @@ impl Items {
     }
 }
 
-/// Small blocks, those of one shape side by side: an inversion waits for a division at each pivot, and meanwhile does those of other blocks.
+/// Small blocks, those of one shape side by side: an inversion waits for a division at each pivot,
+/// and meanwhile does those of other blocks.
 fn place_small(drafts: &[Draft], entries: &Entries, places: &Places, small: &mut Small) -> Vec<Step> {
     let mut shapes: BTreeMap<_, Vec<Items>> = BTreeMap::new();
     for items in drafts.iter().filter_map(|draft| draft.items(entries, places)) {

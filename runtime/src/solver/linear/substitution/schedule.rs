@@ -37,7 +37,8 @@ pub(super) struct Chunk {
     pub runs: u32,
 }
 
-/// Processor cycles, roughly: what a chunk costs besides its turns, a turn of one load, and one of four.
+/// Processor cycles, roughly: what a chunk costs besides its turns, a turn of one load, and one of
+/// four.
 const CHUNK: u32 = 6;
 const LOAD: u32 = 1;
 const GATHER: u32 = 5;
@@ -61,8 +62,8 @@ struct Turns {
 }
 
 impl Turns {
-    /// The terms of up to four sums, number by number. What is read for a lane without a term lies below `limit`, where
-    /// everything has been written.
+    /// The terms of up to four sums, number by number. What is read for a lane without a term lies
+    /// below `limit`, where everything has been written.
     fn new(lanes: &[&[Term]], limit: u32) -> Self {
         let mut turns = Self::default();
         for number in 0..lanes.iter().map(|terms| terms.len()).max().unwrap_or(0) {
@@ -141,7 +142,8 @@ impl Schedule {
         let places = |sum: usize| terms[&sum].iter().map(|term| term.0);
         let mut alike = group.to_vec();
         alike.sort_by(|&a, &b| places(a).cmp(places(b)));
-        // The rows of a block have the same operands: side by side, or those of the same number of several blocks.
+        // The rows of a block have the same operands: side by side, or those of the same number of
+        // several blocks.
         let mut across: Vec<(usize, usize)> = Vec::with_capacity(group.len());
         for block in alike.chunk_by(|&a, &b| places(a).eq(places(b))) {
             across.extend(block.iter().copied().enumerate());
@@ -221,7 +223,8 @@ fn cost(order: &[usize], terms: &HashMap<usize, Vec<Term>>, limit: u32) -> u32 {
     order.chunks(LANES).map(chunk).sum()
 }
 
-/// The level of each sum: as early as it can be done or as late as it may be, wherever more others are done.
+/// The level of each sum: as early as it can be done or as late as it may be, wherever more others
+/// are done.
 fn levels(sums: &[Vec<Source>]) -> Vec<u32> {
     let used = |sum: usize| sums[sum].iter().filter_map(|term| if let Source::Sum(before) = term { Some(*before as usize) } else { None });
     let mut early = vec![0_u32; sums.len()];

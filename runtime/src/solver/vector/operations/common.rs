@@ -1,6 +1,7 @@
 //! The operations that need no second compilation, and none where IDA does without.
 //!
-//! Those that write a number other than zero where zeros are keep to the length, so that the rest of the last block stays zero.
+//! Those that write a number other than zero where zeros are keep to the length, so that the rest
+//! of the last block stays zero.
 
 use std::mem;
 use std::rc::Rc;
@@ -28,7 +29,8 @@ unsafe extern "C" fn destroy(x: N_Vector) {
     unsafe { free(x) }
 }
 
-/// Numbers and integers that a vector takes; IDA only adds them up, but asks for them unconditionally.
+/// Numbers and integers that a vector takes; IDA only adds them up, but asks for them
+/// unconditionally.
 unsafe extern "C" fn space(x: N_Vector, numbers: *mut i64, integers: *mut i64) {
     // SAFETY: a vector of ours, and variables of SUNDIALS.
     unsafe {
@@ -57,7 +59,8 @@ unsafe extern "C" fn constant(c: f64, z: N_Vector) {
 }
 
 unsafe extern "C" fn divide(x: N_Vector, y: N_Vector, z: N_Vector) {
-    // SAFETY: vectors of one family, here and in the closure, which is called with numbers below their length.
+    // SAFETY: vectors of one family, here and in the closure, which is called with numbers below
+    // their length.
     unsafe { for_each(z, |i| entry(x, i) / entry(y, i)) };
 }
 

@@ -15,8 +15,8 @@ pub(super) struct Keys<'a> {
 }
 
 impl Keys<'_> {
-    /// Columns: the number of the run, the values of the sweeps, the seed. A sweep whose name is that of another column, as that of the start of a
-    /// state, is `sweep.NAME`.
+    /// Columns: the number of the run, the values of the sweeps, the seed. A sweep whose name is
+    /// that of another column, as that of the start of a state, is `sweep.NAME`.
     fn columns(&self, others: &[(String, Kind)]) -> Vec<(String, Kind)> {
         let taken = |name: &str| matches!(name, "run" | "seed") || others.iter().any(|(other, _)| other == name);
         let sweeps = self.arguments.sweep.iter().map(|sweep| {
@@ -72,11 +72,13 @@ fn shown(value: &Value) -> String {
     value.number().map_or_else(|| value.to_string(), |x| Short(x).to_string())
 }
 
-/// Every row of every run, one after another, with the columns that tell them apart first. Columns that some runs do not have are empty there.
+/// Every row of every run, one after another, with the columns that tell them apart first. Columns
+/// that some runs do not have are empty there.
 pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
     let mut columns: Vec<(String, Kind)> = Vec::new();
     for (name, kind) in outcomes.iter().filter_map(|o| o.table.as_ref()).flat_map(|table| table.columns()) {
-        // Runs of one setup have the same columns, so that nearly always the last one is looked at first.
+        // Runs of one setup have the same columns, so that nearly always the last one is looked at
+        // first.
         if !columns.iter().any(|(known, _)| known == name) {
             columns.push((name.clone(), *kind));
         }
@@ -99,7 +101,8 @@ pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
     out
 }
 
-/// One row a run: keys, steps, time, sums of rewards, how it ended, and the parameters that were drawn.
+/// One row a run: keys, steps, time, sums of rewards, how it ended, and the parameters that were
+/// drawn.
 pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
     let rewards = &keys.points[0].setup.model().interface().finish.rewards;
     let mut drawn: Vec<String> = Vec::new();
