@@ -5,7 +5,7 @@
 //! sides of consecutive equations and the cells of a table (by their starts, or where the author
 //! has aligned them by their ends or decimal points; the heads of columns and rows with units where
 //! the author has). Comments stay where they are. A long statement keeps its author's line breaks,
-//! with the indentation put right; `*`, `/`, `+` and `-` keep their author's choice of blanks on
+//! with the indentation put right. `*`, `/`, `+` and `-` keep their author's choice of blanks on
 //! both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither form alone
 //! does.
 //!

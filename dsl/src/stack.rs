@@ -1,8 +1,8 @@
 //! A separate stack for deep recursion.
 //!
-//! Parsing, elaboration and code generation follow the nesting of a text, which has limits; but the
-//! thread of a caller may have a stack of any size, that of Python's `threading.stack_size` or of a
-//! small container.
+//! Parsing, elaboration and code generation follow the nesting of a text, which has limits.
+//! However, the thread of a caller may have a stack of any size, that of Python's
+//! `threading.stack_size` or of a small container.
 
 use std::sync::{Mutex, PoisonError};
 use std::{panic, thread};

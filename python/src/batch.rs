@@ -20,8 +20,8 @@ use crate::start::Start;
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Flags<'py> = Bound<'py, PyArray1<bool>>;
 type Observations<'py> = Bound<'py, PyArray2<f32>>;
-/// Time, success, failures (none where there is none), violations (a row a constraint), cost, rewards (a row a reward), states, phases, names of
-/// successes (none where there is none).
+/// Time, success, failures (none where there is none), violations (a row a constraint), cost,
+/// rewards (a row a reward), states, phases, names of successes (none where there is none).
 type InfoArrays<'py> = (
     Vector<'py>,
     Flags<'py>,
@@ -33,7 +33,7 @@ type InfoArrays<'py> = (
     Option<Vec<usize>>,
     Option<Vec<String>>,
 );
-/// Which episodes ended, their last observations and infos.
+/// Ended episodes, with their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
 type Step<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
 
@@ -108,7 +108,8 @@ impl Batch {
         self.constraints.clone()
     }
 
-    /// Begins episodes where the mask says so: the first of a given seed, or the next one of the last seed.
+    /// Begins episodes where the mask says so: the first of a given seed, or the next one of the
+    /// last seed.
     fn reset<'py>(
         &self,
         py: Python<'py>,
@@ -156,7 +157,7 @@ impl Batch {
         Ok((observations.done(), rewards.done(), terminated.done(), truncated.done(), infos, last))
     }
 
-    /// What each environment would go on from, and whether its next step begins an episode.
+    /// Present point of each environment, and whether its next step begins an episode.
     fn snapshot(&self) -> PyResult<Vec<(Snapshot, bool)>> {
         let batch = &mut self.inner.enter()?.batch;
         Ok(batch.snapshots().into_iter().map(|(snapshot, pending)| (Snapshot::from(snapshot), pending)).collect())
@@ -169,7 +170,8 @@ impl Batch {
         guarded(|| batch.restore(snapshots))?.map_err(|e| batch_error(&e))
     }
 
-    /// Actions of the model's policy of that name for the coming step, physical units, a row an environment.
+    /// Actions of the model's policy of that name for the coming step, physical units, a row an
+    /// environment.
     fn policy<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let batch = &mut self.inner.enter()?.batch;
         let setup = batch.environment(0).map(|first| first.setup().clone());
@@ -179,7 +181,8 @@ impl Batch {
         Ok(actions.done())
     }
 
-    /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`, `parameter`.
+    /// Values by role, a row an environment: `state`, `discrete`, `disturbance`, `action`,
+    /// `parameter`.
     fn values<'py>(&self, py: Python<'py>, role: Role) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let batch = &mut self.inner.enter()?.batch;
         let family = batch.environment(0).map(|first| role.family(first.catalogue()));

@@ -1,5 +1,5 @@
-//! Equations, derivatives and steady states of a model, with unknowns in declaration order: states, then solved
-//! algebraic variables.
+//! Equations, derivatives and steady states of a model, with unknowns in declaration order: states,
+//! then solved algebraic variables.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -26,7 +26,8 @@ pub type Given = Vec<(Role, usize, f64)>;
 /// An instance of a model to evaluate, and the order of its unknowns.
 pub struct Equations {
     catalogue: Catalogue,
-    /// Parameters at their means, nominal actions, the steady state of the model where there is one.
+    /// Parameters at their means, nominal actions, the steady state of the model where there is
+    /// one.
     nominal: CompiledSystem,
     work: CompiledSystem,
     /// Place in `y` of each unknown in declaration order.
@@ -119,7 +120,8 @@ impl Equations {
         Ok((values, self.jacobian.rows.clone(), self.jacobian.pointers.clone()))
     }
 
-    /// Seconds of one residual and of one Jacobian at a point: the least mean of batches that last a millisecond.
+    /// Seconds of one residual and of one Jacobian at a point: the least mean of batches that last
+    /// a millisecond.
     pub fn times(&mut self, t: f64, y: &[f64], u: &[f64], cj: f64) -> PyResult<(f64, f64)> {
         self.prepare(t, y, None, u, &Given::new())?;
         let (model, memory) = self.work.parts();
@@ -143,8 +145,8 @@ impl Equations {
         Ok(())
     }
 
-    /// Steady state at the actions `u`; `fixed` are positions of states and their values, those of the model if there are none, `begin` positions
-    /// of unknowns and where the search begins.
+    /// Steady state at the actions `u`. `fixed` are positions of states and their values, those of
+    /// the model if there are none, `begin` positions of unknowns and where the search begins.
     pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)], begin: &[(usize, f64)]) -> PyResult<Vec<f64>> {
         self.work.restore(self.nominal.memory().all());
         let mut guess = self.first_guess();
@@ -168,7 +170,8 @@ impl Equations {
         Ok(self.order.iter().map(|&at| y[at]).collect())
     }
 
-    /// Trim: the steady state and the actions of which those at positions `free` are found, so that unknowns at positions `fixed` have given values.
+    /// Trim: the steady state and the actions of which those at positions `free` are found, so that
+    /// unknowns at positions `fixed` have given values.
     pub fn trim(
         &mut self,
         u: &[f64],
@@ -193,7 +196,8 @@ impl Equations {
         Ok((self.order.iter().map(|&at| y[at]).collect(), actions))
     }
 
-    /// Returns `true` if an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    /// Returns `true` if an equation reads values of the start of the episode, of the end of the
+    /// step before or of the steady state.
     pub fn reads_other_instants(&self) -> bool {
         self.nominal.reads_other_instants()
     }
@@ -235,7 +239,8 @@ impl Equations {
         Ok(())
     }
 
-    /// An episode begins at the point, with nominal actions until `u` is applied: `initial(x)` and `previous(x)` are x, as in one step from there.
+    /// An episode begins at the point, with nominal actions until `u` is applied: `initial(x)` and
+    /// `previous(x)` are x, as in one step from there.
     fn keep_start(&mut self, u: &[f64]) {
         let actions = self.catalogue.actions.elements();
         actions.iter().for_each(|e| self.work.region_mut(Region::Action)[e.at] = e.default);
@@ -243,7 +248,8 @@ impl Equations {
         actions.iter().zip(u).for_each(|(e, &value)| self.work.region_mut(Region::Action)[e.at] = value);
     }
 
-    /// Sets parameters, discrete variables and disturbances; those that are not given have their initial values.
+    /// Sets parameters, discrete variables and disturbances; those that are not given have their
+    /// initial values.
     fn set_given(&mut self, given: &Given) -> PyResult<()> {
         let parameters = self.places(Role::Parameter, given)?;
         if !parameters.is_empty() {

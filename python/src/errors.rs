@@ -33,9 +33,9 @@ pub struct Diagnostic {
     pub code: String,
     /// `error` or `warning`.
     pub severity: String,
-    /// What is wrong.
+    /// Message.
     pub message: String,
-    /// What to do.
+    /// Correction.
     pub help: Option<String>,
     /// Further facts.
     pub notes: Vec<String>,
@@ -47,7 +47,7 @@ pub struct Diagnostic {
 #[pyclass(frozen, get_all, module = "smpl")]
 #[derive(Clone, Debug)]
 pub struct RelatedPlace {
-    /// What is there; may be empty.
+    /// Description of the place; may be empty.
     pub message: String,
     /// File of the place.
     pub file: String,
@@ -131,7 +131,8 @@ pub fn setup_error(error: &SetupError) -> PyErr {
     }
 }
 
-/// The exception of an episode that cannot begin; its attribute `start` has the report of a start without a solution.
+/// The exception of an episode that cannot begin; its attribute `start` has the report of a start
+/// without a solution.
 pub fn reset_error(error: &ResetError) -> PyErr {
     match error {
         ResetError::Inconsistent { start: Some(failure), .. } => Python::attach(|py| {
@@ -194,7 +195,7 @@ pub fn panicked(cause: &(dyn Any + Send)) -> PyErr {
     fault(text.or_else(|| cause.downcast_ref::<&str>().copied()).unwrap_or("unknown cause"))
 }
 
-/// What is no fault of the caller.
+/// Errors that the caller did not cause.
 pub fn fault(text: &str) -> PyErr {
     SimulationError::new_err(format!("internal error of smpl, please report it: {text}"))
 }

@@ -1,8 +1,9 @@
 //! Python module `smpl._native`: compiled models, environments and batches for the package `smpl`.
 //!
-//! The classes are thin. Names are checked and documented by the package; here arrays are taken and made, the interpreter lock is
-//! released around everything that computes, signals are looked at meanwhile, and errors become exceptions. Results are fresh arrays; nothing else is
-//! allocated in a step. No panic leaves the module: it becomes a `SimulationError`.
+//! The classes are thin. Names are checked and documented by the package. Here arrays are taken and
+//! made, the interpreter lock is released around everything that computes, signals are looked at
+//! meanwhile, and errors become exceptions. Results are fresh arrays; nothing else is allocated in
+//! a step. No panic leaves the module: it becomes a `SimulationError`.
 
 mod arrays;
 mod batch;

@@ -17,7 +17,7 @@ pub use smpl_runtime::load::Loaded;
 use crate::errors::{Diagnostic, RelatedPlace, ScenarioError, SimulationError, compile_error};
 use crate::interrupt::aside;
 
-/// What Python asks for; one of `path` and `source` is given.
+/// Request of Python; one of `path` and `source` is given.
 pub struct Request {
     /// File of the model.
     pub path: Option<String>,
@@ -93,7 +93,7 @@ fn describe<'d>(diagnostics: impl Iterator<Item = &'d diagnostic::Diagnostic>, s
     texts.join("\n")
 }
 
-/// What the compiler found in a model that it compiled.
+/// Warnings of the compiler about a compiled model.
 pub fn warnings(loaded: &Loaded) -> Vec<Diagnostic> {
     loaded.warnings.iter().map(|d| resolve(d, &loaded.sources)).collect()
 }

@@ -37,7 +37,7 @@ type Input<'py> = PyReadonlyArray1<'py, f64>;
 /// By dense reward, time limit and method.
 type Setups = HashMap<(bool, Option<u32>, Option<Method>), Arc<Setup>>;
 
-/// How trajectories are run: threads, time limit, method.
+/// Settings of trajectories: threads, time limit, method.
 type Run = (usize, Option<u32>, Option<String>);
 
 /// A member of a port: its name, the names of its numbers, the quantity that it equals.
@@ -51,13 +51,13 @@ pub struct Model {
     catalogue: OnceLock<Catalogue>,
     /// Made at the first evaluation.
     equations: Mutex<Option<Equations>>,
-    /// What environments share.
+    /// Shared data of environments.
     setups: Mutex<Setups>,
     /// Environments of rollouts, by number of threads, time limit and method.
     rollouts: Mutex<HashMap<Run, Rollouts>>,
     /// Instance for the rules of disturbances, made when it is needed.
     rules: Mutex<Option<Rules>>,
-    /// What computed derivatives last.
+    /// Cache of the last computation of derivatives.
     sensitivities: Mutex<Vec<(sensitivity::Key, Sensitivities)>>,
 }
 
@@ -141,7 +141,7 @@ impl Model {
         (0..sources.len()).map(|i| sources.name(FileId(i as u16)).to_owned()).collect()
     }
 
-    /// What the compiler warns of.
+    /// Warnings of the compiler.
     #[getter]
     fn warnings(&self) -> Vec<Diagnostic> {
         load::warnings(&self.loaded)
@@ -166,8 +166,8 @@ impl Model {
         self.loaded.model.interface().phases.clone()
     }
 
-    /// Ports of components: path, connector, and of each member its name, the names of its numbers among the algebraic outputs and the quantity
-    /// that it equals.
+    /// Ports of components: path, connector, and of each member its name, the names of its numbers
+    /// among the algebraic outputs and the quantity that it equals.
     #[getter]
     fn ports(&self) -> Vec<(String, String, Vec<Member>)> {
         let interface = self.loaded.model.interface();
@@ -213,7 +213,8 @@ impl Model {
         }
     }
 
-    /// Flattened names of the elements of a parameter: of a whole array by its name, or that of one of them.
+    /// Flattened names of the elements of a parameter: of a whole array by its name, or that of one
+    /// of them.
     fn elements_of(&self, parameter: &str) -> Vec<String> {
         let elements = catalogue::elements_of(&self.loaded.model, &self.catalogue().parameters, parameter);
         elements.iter().map(|element| element.name.clone()).collect()
@@ -283,7 +284,8 @@ impl Model {
         Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, pointers)))
     }
 
-    /// Seconds of one residual and of one Jacobian at a point, without the way from Python and back: for benchmarks.
+    /// Seconds of one residual and of one Jacobian at a point, without the way from Python and
+    /// back: for benchmarks.
     fn evaluation_times(&self, py: Python<'_>, t: f64, y: Input<'_>, u: Input<'_>, cj: f64) -> PyResult<(f64, f64)> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
         self.evaluate(py, |equations| equations.times(t, y, u, cj))
@@ -327,8 +329,8 @@ impl Model {
         Ok(PyArray1::from_vec(py, y))
     }
 
-    /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants), `run`
-    /// (threads, time limit, method).
+    /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options`
+    /// (seed, first step, with outputs, instants), `run` (threads, time limit, method).
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
     fn rollout<'py>(
         &self,
@@ -401,8 +403,8 @@ impl Model {
         rules::run(py, kept.insert(made), &points, [parameters, discrete], first_step)
     }
 
-    /// The random numbers of the model: names, whether they are standard normal (the others are uniform from 0 to 1), and whether they are drawn at
-    /// every step (the others at a reset).
+    /// The random numbers of the model: names, whether they are standard normal (the others are
+    /// uniform from 0 to 1), and whether they are drawn at every step (the others at a reset).
     fn draws(&self, py: Python<'_>) -> PyResult<Vec<(String, bool, bool)>> {
         let setup = self.setup(py, true, None, None)?;
         let draws = Rules::draws(&setup).iter();
@@ -448,10 +450,11 @@ impl Model {
 }
 
 impl Model {
-    /// What environments of this model share.
+    /// Data shared by environments of this model.
     ///
     /// # Errors
-    /// Settings out of range, a method that does not take the model, or no steady state where the model starts from one.
+    /// Settings out of range, a method that does not take the model, or no steady state where the
+    /// model starts from one.
     pub fn setup(&self, py: Python<'_>, dense_reward: bool, max_steps: Option<u32>, method: Option<&str>) -> PyResult<Arc<Setup>> {
         let method = method.map(setup::method).transpose().map_err(|e| setup_error(&e))?;
         let key = (dense_reward, max_steps, method);

@@ -1,11 +1,11 @@
-//! What a variable is to those who use a model, by the names that Python gives.
+//! Roles of variables for users of a model, by their names in Python.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smpl_runtime::catalogue::{Catalogue, Family};
 use smpl_runtime::environment::Environment;
 
-/// What a variable is.
+/// Role of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Role {
     /// An unknown with a rate.
@@ -14,7 +14,7 @@ pub enum Role {
     Solved,
     /// Any algebraic variable.
     Algebraic,
-    /// What changes at instants and events.
+    /// Variables that change at instants and events.
     Discrete,
     /// An input that nobody chooses.
     Disturbance,
@@ -62,7 +62,8 @@ impl Role {
         }
     }
 
-    /// Where an environment has their present values, at the places of their elements; algebraic variables are computed instead.
+    /// Present values in an environment, at the places of their elements; algebraic variables are
+    /// computed.
     pub fn region(self, environment: &Environment) -> Option<&[f64]> {
         match self {
             Role::State | Role::Solved => Some(environment.unknowns()),

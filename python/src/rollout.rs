@@ -12,8 +12,8 @@ use crate::snapshot::Snapshot;
 
 type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
-/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated, failures, their kinds and names; states and
-/// measurements at the instants.
+/// States, observations, outputs, rewards, cost, violations, steps, terminated, truncated,
+/// failures, their kinds and names; states and measurements at the instants.
 pub type Results<'py> = (
     Cube<'py>,
     Cube<'py>,
@@ -29,16 +29,17 @@ pub type Results<'py> = (
     (Cube<'py>, Cube<'py>),
 );
 
-/// Where trajectories begin, as Python gives it.
+/// Start of trajectories, as given by Python.
 #[derive(FromPyObject)]
 pub enum Start<'py> {
-    /// Where an episode is.
+    /// Present point of an episode.
     Snapshot(PyRef<'py, Snapshot>),
     /// A row a trajectory, or one for all.
     States(Numbers<'py>),
 }
 
-/// What Python asks for. The caller's arrays may be written by other threads meanwhile: these are copies.
+/// Request of Python. The caller's arrays may be written by other threads meanwhile: these are
+/// copies.
 pub struct Request {
     snapshot: Option<smpl_runtime::environment::Snapshot>,
     states: Vec<f64>,
@@ -57,7 +58,8 @@ pub struct Request {
 type Named<'py> = Vec<(String, Numbers<'py>)>;
 
 impl Request {
-    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants as step and share of it).
+    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants as step
+    /// and share of it).
     pub fn new(
         start: &Start<'_>,
         actions: &Numbers<'_>,

@@ -22,7 +22,8 @@ type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
 /// States, rewards, observations; their derivatives, rows by directions.
 pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
 
-/// What makes computations different: directions by role and number in declaration order, threads, time limit, method.
+/// Settings of a computation: directions by role and number in declaration order, threads, time
+/// limit, method.
 #[derive(Clone, PartialEq, Eq, Hash, FromPyObject)]
 pub struct Key(pub Vec<(Role, usize)>, pub usize, pub Option<u32>, pub Option<String>);
 
@@ -48,7 +49,8 @@ fn direction(catalogue: &Catalogue, role: Role, index: usize) -> PyResult<Direct
     Ok(make(role.family(catalogue).elements().get(index).ok_or_else(missing)?.at))
 }
 
-/// What Python asks for. The caller's arrays may be written by other threads meanwhile: these are copies.
+/// Request of Python. The caller's arrays may be written by other threads meanwhile: these are
+/// copies.
 pub struct Request {
     states: Vec<f64>,
     actions: Vec<f64>,

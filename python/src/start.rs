@@ -1,4 +1,4 @@
-//! What an episode starts from in place of what it would draw.
+//! Given start of an episode, instead of a drawn one.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,9 @@
 //! Many instances of one environment, stepped together into the caller's arrays.
 //!
-//! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on any number of threads: instances share
-//! nothing that changes but for the space in which an integrator works, whose content is forgotten from step to step. Threads are used only where a step
-//! of the batch is faster with them.
+//! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on
+//! any number of threads: instances share nothing that changes but for the space in which an
+//! integrator works, whose content is forgotten from step to step. Threads are used only where a
+//! step of the batch is faster with them.
 
 mod member;
 mod pace;
@@ -33,7 +34,7 @@ pub enum Autoreset {
     Disabled,
 }
 
-/// How a batch is run.
+/// Settings of a batch.
 #[derive(Clone, Debug)]
 pub struct BatchOptions {
     /// When episodes begin anew.
@@ -42,7 +43,7 @@ pub struct BatchOptions {
     pub threads: usize,
     /// Actions and observations are in [-1, 1].
     pub normalised: bool,
-    /// What resets use.
+    /// Options of resets.
     pub reset: ResetOptions,
 }
 
@@ -58,7 +59,7 @@ pub enum BatchError {
     /// An array has the wrong length.
     #[error("{name} has {given} entries, expected {expected}")]
     Length {
-        /// Which array.
+        /// Name of the array.
         name: &'static str,
         /// Its length.
         given: usize,
@@ -89,7 +90,8 @@ pub enum BatchError {
         /// Its error.
         error: SnapshotError,
     },
-    /// Somebody wanted the step to stop, see [`crate::interrupt`]: some instances were stepped and others not, so that all want a reset.
+    /// Somebody wanted the step to stop, see [`crate::interrupt`]: some instances were stepped and
+    /// others not, so that all want a reset.
     #[error("the step was interrupted: call reset")]
     Interrupted,
     /// No threads.
@@ -178,14 +180,16 @@ impl Batch {
         self.member(index).map(|m| &m.info)
     }
 
-    /// With [`Autoreset::SameStep`], observation (as reported) and info of the end of the episode that ended in the last step.
+    /// With [`Autoreset::SameStep`], observation (as reported) and info of the end of the episode
+    /// that ended in the last step.
     #[must_use]
     pub fn final_info(&self, index: usize) -> Option<(&[f64], &Info)> {
         let member = self.member(index).filter(|m| m.ended)?;
         Some((&member.final_observation, &member.final_info))
     }
 
-    /// What each instance goes on from, and whether its episode is over, so that its next step begins another one.
+    /// Present point of each instance, and whether its episode is over, so that its next step
+    /// begins another one.
     #[must_use]
     pub fn snapshots(&self) -> Vec<(Snapshot, bool)> {
         self.crews.iter().flat_map(|crew| &crew.members).map(|m| (m.environment.snapshot(), m.pending)).collect()
@@ -205,13 +209,13 @@ impl Batch {
         Ok(())
     }
 
-    /// What resets use from now on.
+    /// Sets the options of later resets.
     pub fn set_reset_options(&mut self, options: ResetOptions) {
         self.options.reset = options;
     }
 
-    /// Resets all instances, or those of the mask; writes the present observations of all. `seeds` has one entry an
-    /// instance; without one the instance goes on with its next episode.
+    /// Resets all instances, or those of the mask; writes the present observations of all. `seeds`
+    /// has one entry an instance; without one the instance goes on with its next episode.
     ///
     /// # Errors
     /// Wrong lengths, or an instance that cannot begin.
@@ -243,7 +247,8 @@ impl Batch {
         self.finish()
     }
 
-    /// What a declared policy chooses for the coming step of each instance; `actions` has n × actions entries.
+    /// Actions of a declared policy for the coming step of each instance; `actions` has n × actions
+    /// entries.
     ///
     /// # Errors
     /// A wrong length.
@@ -265,8 +270,8 @@ impl Batch {
     /// Steps all instances. `actions` has n × actions entries.
     ///
     /// # Errors
-    /// Wrong lengths, a NaN or an episode that is over with autoreset disabled: then no instance was stepped. An instance that cannot
-    /// begin its next episode.
+    /// Wrong lengths, a NaN or an episode that is over with autoreset disabled: then no instance
+    /// was stepped. An instance that cannot begin its next episode.
     pub fn step<T: Number>(&mut self, actions: &[f64], arrays: StepArrays<'_, T>) -> Result<(), BatchError> {
         let n = self.count;
         let (width, inputs) = (self.observation_len(), self.action_len());
@@ -338,7 +343,7 @@ impl Batch {
         Ok(())
     }
 
-    /// What went wrong, if anything did.
+    /// Failure, if any.
     fn finish(&mut self) -> Result<(), BatchError> {
         if !self.stop.load(Ordering::Relaxed) {
             return self.first_fault();
@@ -370,14 +375,15 @@ impl Batch {
     }
 }
 
-/// What a task of a step gets: instances, their observations, rewards and flags.
+/// Data of a task of a step: instances, their observations, rewards and flags.
 type Slot<'a, T> = ((((usize, &'a mut Crew), &'a mut [T]), &'a mut [f64]), (&'a mut [bool], &'a mut [bool]));
 
 fn length(name: &'static str, given: usize, expected: usize) -> Result<(), BatchError> {
     if given == expected { Ok(()) } else { Err(BatchError::Length { name, given, expected }) }
 }
 
-/// Parts of an array, one after another: as many entries each as there are of a thing, which may be none. The parts beyond the end are empty.
+/// Parts of an array, one after another: as many entries each as there are of a thing, which may be
+/// none. The parts beyond the end are empty.
 struct Parts<'a, T> {
     rest: &'a mut [T],
     size: usize,

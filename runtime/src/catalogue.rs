@@ -1,7 +1,7 @@
 //! Names of the single numbers of a model, and where each is kept.
 //!
-//! The compiler speaks of arrays; people and files speak of `R1.c[tropine,3]`. A [`Family`] holds the elements of one role in the order
-//! of the outside and finds them by name.
+//! The compiler speaks of arrays; people and files speak of `R1.c[tropine,3]`. A [`Family`] holds
+//! the elements of one role in the order of the outside and finds them by name.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -17,8 +17,8 @@ pub struct Element {
     pub name: String,
     /// Unit as declared.
     pub unit: String,
-    /// Its place: in `y` (states, solved variables), in its region (parameters, actions, discretes, disturbances) or in the
-    /// output vector (algebraic outputs).
+    /// Its place: in `y` (states, solved variables), in its region (parameters, actions, discretes,
+    /// disturbances) or in the output vector (algebraic outputs).
     pub at: usize,
     /// Lower bound, -inf where none.
     pub low: f64,
@@ -47,7 +47,8 @@ impl Element {
 #[derive(Clone, Debug, Default)]
 pub struct Family {
     elements: Vec<Element>,
-    /// Positions by name, made when a name is first looked up: a model may have a hundred thousand states.
+    /// Positions by name, made when a name is first looked up: a model may have a hundred thousand
+    /// states.
     index: OnceLock<HashMap<String, usize>>,
 }
 
@@ -125,7 +126,7 @@ pub struct OutsideBounds {
     pub high: f64,
     /// Unit, after a blank; empty where there is none.
     pub unit: String,
-    /// What to do where the value was not given; empty where it was.
+    /// Correction for a missing value; otherwise empty.
     pub advice: &'static str,
 }
 
@@ -169,7 +170,7 @@ pub fn check_parameters(parameters: &Family, values: &[f64]) -> Result<(), Outsi
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {kind} `{}`; {advice}", crate::scenario::shortened(name))]
 pub struct UnknownName {
-    /// What it should have been the name of.
+    /// Expected kind of the name.
     pub kind: &'static str,
     /// The name.
     pub name: String,
@@ -238,7 +239,8 @@ pub fn parameters(model: &CompiledModel) -> Family {
     region(model, &model.interface().quantities.parameters)
 }
 
-/// The elements of a parameter: of a whole array by its name, or one of them; none where there is no such parameter.
+/// The elements of a parameter: of a whole array by its name, or one of them; none where there is
+/// no such parameter.
 #[must_use]
 pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str) -> &'f [Element] {
     // `c[water, 3]` is as good as `c[water,3]`.

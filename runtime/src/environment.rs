@@ -1,10 +1,12 @@
 //! One instance of an environment: episodes of a model, step by step.
 //!
-//! A step runs in the order of the language reference, "Sampling instants": the action is applied; disturbances take their values; `at start`
-//! programs run; the integrator restarts consistently and goes to the end of the interval, stopping at events; `at end` programs
-//! run; then failures, successes, rewards and observations are evaluated. A failure wins over success, success over the time limit.
-//! A step allocates nothing, and depends on nothing but the state, the action, the episode's key and, with a one-step
-//! method, the step that fitted last: the integrator carries nothing else over from one step to the next.
+//! A step runs in the order of the language reference, "Sampling instants": the action is applied;
+//! disturbances take their values; `at start` programs run. The integrator restarts consistently
+//! and goes to the end of the interval, stopping at events; `at end` programs run; then failures,
+//! successes, rewards and observations are evaluated. A failure wins over success, success over the
+//! time limit. A step allocates nothing, and depends on nothing but the state, the action, the
+//! episode's key and, with a one-step method, the step that fitted last: the integrator carries
+//! nothing else over from one step to the next.
 
 mod finish;
 mod glance;
@@ -40,7 +42,7 @@ use crate::setup::{Setup, SetupError};
 use crate::solver::{Absent, Carried, Edge, Integrator, Statistics};
 use crate::system::CompiledSystem;
 
-/// What a step ended in. Times are in the model's unit.
+/// End of a step. Times are in the model's unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepResult {
     /// The chosen reward (dense or sparse).
@@ -51,12 +53,13 @@ pub struct StepResult {
     pub truncated: bool,
     /// A success condition holds, or a batch of fixed length is over.
     pub success: bool,
-    /// The first failure, in the order action box, solver, events without end, then as declared, then what is not finite.
+    /// The first failure, in the order action box, solver, events without end, then as declared,
+    /// then what is not finite.
     pub failure: Option<Failure>,
     /// Sum of the violations.
     pub cost: f64,
-    /// Time of the state: completed steps times the sampling interval, that of the event at which the step stopped, or that of before a
-    /// step that was not integrated.
+    /// Time of the state: completed steps times the sampling interval, that of the event at which
+    /// the step stopped, or that of before a step that was not integrated.
     pub time: f64,
 }
 
@@ -74,7 +77,7 @@ pub enum StepError {
     /// The action is not a number.
     #[error("action `{name}` is NaN")]
     NotANumber {
-        /// Which one.
+        /// Name.
         name: String,
     },
     /// Somebody wanted the step to stop, see [`crate::interrupt`].
@@ -83,7 +86,7 @@ pub enum StepError {
     /// A recorded disturbance has no value for the step.
     #[error("the recorded disturbance `{name}` ends after step {steps}: record one value a step, or say that the last one holds")]
     RecordEnded {
-        /// Which one.
+        /// Name.
         name: String,
         /// Number of values it has.
         steps: usize,
@@ -95,9 +98,10 @@ pub enum StepError {
 
 /// One instance of an environment.
 ///
-/// It has more methods than other types, because it is what the command, the Python module and batches see of an episode, of which they
-/// read one thing each. The rest is the order of a step, in one file a part: `reset`, `interval`, `verdict`, `tangent`; what holds numbers of
-/// its own is a type of its own (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
+/// It has more methods than other types, because it is what the command, the Python module and
+/// batches see of an episode, of which they read one thing each. The rest is the order of a step,
+/// in one file a part: `reset`, `interval`, `verdict`, `tangent`. What holds numbers of its own is
+/// a type of its own (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
 pub struct Environment {
     setup: Arc<Setup>,
     system: CompiledSystem,
@@ -116,7 +120,7 @@ pub struct Environment {
     statistics: Statistics,
     /// Drifts of the invariants; empty unless they are watched.
     drifts: Vec<Drift>,
-    /// What is followed within steps, if anything is.
+    /// Trace within steps, if requested.
     trace: Option<Box<Trace>>,
     /// Stepping goes on after the end of an episode.
     keep_going: bool,
@@ -137,7 +141,8 @@ impl Environment {
         Ok(Self { integrator, ..Self::without_integrator(setup) })
     }
 
-    /// An instance that is lent an integrator whenever it is reset or stepped, see [`with_integrator`](Self::with_integrator).
+    /// An instance that is lent an integrator whenever it is reset or stepped, see
+    /// [`with_integrator`](Self::with_integrator).
     pub(crate) fn without_integrator(setup: Arc<Setup>) -> Self {
         let system = setup.system.clone();
         let (unknowns, ends) = (setup.model().unknowns(), &setup.model().interface().finish);
@@ -179,7 +184,8 @@ impl Environment {
         }
     }
 
-    /// Does `work` with an integrator that others use too: nothing of a step is left in one, so that the bits are those of an integrator of its own.
+    /// Does `work` with an integrator that others use too: nothing of a step is left in one, so
+    /// that the bits are those of an integrator of its own.
     pub(crate) fn with_integrator<R>(&mut self, integrator: &mut Box<dyn Integrator>, work: impl FnOnce(&mut Self) -> R) -> R {
         /// Gives it back also when the work panics.
         struct Loan<'a>(&'a mut Environment, &'a mut Box<dyn Integrator>);
@@ -241,8 +247,9 @@ impl Environment {
         self.progress.phase = Phase::New;
     }
 
-    /// Goes on stepping after the end of an episode (off by default). The step after one that stopped at an event begins
-    /// there and ends where it would: nothing of the time course is left out.
+    /// Goes on stepping after the end of an episode (off by default). The step after one that
+    /// stopped at an event begins there and ends where it would: nothing of the time course is left
+    /// out.
     pub fn set_keep_going(&mut self, keep_going: bool) {
         self.keep_going = keep_going;
     }
@@ -271,7 +278,8 @@ impl Environment {
         disturbances.find(|element| element.at == at).map_or_else(String::new, |element| element.name.clone())
     }
 
-    /// Recorded disturbances that have ended and hold their last value though nobody said so of them, with the number of their values.
+    /// Recorded disturbances that have ended and hold their last value though nobody said so of
+    /// them, with the number of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
         let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
@@ -321,8 +329,8 @@ impl Environment {
         self.progress.steps
     }
 
-    /// Time of the present state: completed steps times the sampling interval, that of the event at which the last step stopped, or that of before
-    /// a step that was not integrated.
+    /// Time of the present state: completed steps times the sampling interval, that of the event at
+    /// which the last step stopped, or that of before a step that was not integrated.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)
@@ -339,27 +347,29 @@ impl Environment {
         self.progress.phase == Phase::Running
     }
 
-    /// What the last step ended in; `None` after a reset.
+    /// End of the last step; `None` after a reset.
     #[must_use]
     pub fn last(&self) -> Option<&StepResult> {
         self.progress.verdict.last.as_ref()
     }
 
-    /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without a schedule.
+    /// Number of the phase in force, from 0, in the order of the interface's phases; `None` without
+    /// a schedule.
     #[must_use]
     pub fn phase(&self) -> Option<usize> {
         let number = *self.discretes().get(self.setup.phase?)?;
         Some((number as usize).saturating_sub(1))
     }
 
-    /// All rewards of the last step, as declared; the error reward on a failing step. Zero after a reset.
+    /// All rewards of the last step, as declared; the error reward on a failing step. Zero after a
+    /// reset.
     #[must_use]
     pub fn rewards(&self) -> &[f64] {
         &self.progress.verdict.rewards
     }
 
-    /// Violations of the last step, in the order of [`constraint_names`](Self::constraint_names): the largest excess over the range, 0
-    /// when kept.
+    /// Violations of the last step, in the order of [`constraint_names`](Self::constraint_names):
+    /// the largest excess over the range, 0 when kept.
     #[must_use]
     pub fn violations(&self) -> &[f64] {
         &self.progress.verdict.violations
@@ -376,7 +386,8 @@ impl Environment {
         self.progress.readings.present.len()
     }
 
-    /// Which observations have no finite value at the present point; what [`observe`](Self::observe) writes for them is the last reading.
+    /// Observations without a finite value at the present point; [`observe`](Self::observe) writes
+    /// their last reading.
     #[must_use]
     pub fn missing_readings(&self) -> &[bool] {
         &self.progress.readings.missing
@@ -400,8 +411,8 @@ impl Environment {
         }
     }
 
-    /// Writes the algebraic outputs that belong to the present state and action; after a step that the solver gave up, those of before it,
-    /// as the state.
+    /// Writes the algebraic outputs that belong to the present state and action; after a step that
+    /// the solver gave up, those of before it, as the state.
     pub fn algebraics(&mut self, out: &mut [f64]) {
         let t = self.time();
         self.at_the_state(|system, progress| {
@@ -410,7 +421,8 @@ impl Environment {
         });
     }
 
-    /// Calls `work` with the inputs that belong to the state: those of before the step where the solver gave it up.
+    /// Calls `work` with the inputs that belong to the state: those of before the step where the
+    /// solver gave it up.
     fn at_the_state(&mut self, work: impl FnOnce(&mut CompiledSystem, &Progress)) {
         let gone_back = self.progress.verdict.solver_failure.is_some();
         if gone_back {
@@ -465,7 +477,8 @@ impl Environment {
         sum
     }
 
-    /// Runs a declared open-loop policy for the coming step; `out` has one number an action, in their order.
+    /// Runs a declared open-loop policy for the coming step; `out` has one number an action, in
+    /// their order.
     pub fn policy(&mut self, index: usize, out: &mut [f64]) {
         let (steps, t) = (f64::from(self.progress.steps), self.time());
         self.set_builtin(Builtin::Steps, steps);

@@ -91,12 +91,12 @@ impl FailureKind {
     }
 }
 
-/// What made the integrator give up.
+/// Cause of the integrator's failure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SolverFailure {
     /// Time at which it happened, in the model's unit.
     pub time: f64,
-    /// What happened.
+    /// Description.
     pub cause: Cause,
     /// The unknown (place in `y`) whose equation is to blame, where one is known.
     pub unknown: Option<usize>,
@@ -143,7 +143,7 @@ pub struct Chatter {
 }
 
 impl Chatter {
-    /// What happened: `events, the last `hit` at t = 4.06 s, follow one another ever faster`.
+    /// Description: `events, the last `hit` at t = 4.06 s, follow one another ever faster`.
     #[must_use]
     pub fn describe(&self, model: &CompiledModel, limit: u32) -> String {
         let name = |index: usize| model.roots_info().get(index).map_or("", |root| &root.name);
@@ -183,13 +183,13 @@ pub enum NotFinite {
 }
 
 impl NotFinite {
-    /// What is wrong with it.
+    /// Error.
     #[must_use]
     pub fn describe(self, model: &CompiledModel, catalogue: &Catalogue) -> String {
         format!("{} is not finite", self.quantity(model, catalogue))
     }
 
-    /// What it is, by name.
+    /// Kind and name.
     #[must_use]
     pub fn quantity(self, model: &CompiledModel, catalogue: &Catalogue) -> String {
         let interface = model.interface();
@@ -286,7 +286,7 @@ fn covers(extents: &[u32], at: &Affine, element: i64) -> bool {
     }
 }
 
-/// What is wrong with a member of a box, or nothing when it is inside by the slack of 1e-6 of the range.
+/// Violation of a member of a box; `None` inside, with a slack of 1e-6 of the range.
 #[must_use]
 pub(crate) fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
     let slack = BOX_SLACK * (item.high - item.low).abs();
@@ -309,7 +309,8 @@ pub fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-/// That a value lies outside of the bounds of its quantity, if it does: `h = 5 m lies outside of its bounds 0..1 m`.
+/// That a value lies outside of the bounds of its quantity, if it does: `h = 5 m lies outside of
+/// its bounds 0..1 m`.
 pub fn beyond(element: &Element, value: f64) -> Option<String> {
     let unit = unit_suffix(&element.unit);
     let (low, high) = (element.low, element.high);
@@ -317,7 +318,7 @@ pub fn beyond(element: &Element, value: f64) -> Option<String> {
     outside.then(|| format!("{} = {}{unit} lies outside of its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
 }
 
-/// What counts as inside a box: a value beyond a bound by at most this part of the range.
+/// Slack of a box: a value may exceed a bound by this part of the range.
 pub(crate) const BOX_SLACK: f64 = 1e-6;
 
 /// A number as a message shows it: up to seven significant digits.

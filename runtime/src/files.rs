@@ -1,7 +1,8 @@
 //! Files: what is read is a regular file, and what is written is there whole or not at all.
 //!
-//! A file is written beside its destination, under a name that nobody can foresee, and renamed when it is complete. Links are followed to what
-//! they name, and what is no regular file (a device, a pipe) is written into as it is.
+//! A file is written beside its destination, under a name that nobody can foresee, and renamed when
+//! it is complete. Links are followed to what they name, and what is no regular file (a device, a
+//! pipe) is written into as it is.
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, BufWriter, Read, Write};
@@ -19,7 +20,7 @@ const MAX_LINKS: usize = 40;
 pub struct WriteError {
     /// The file.
     pub path: PathBuf,
-    /// Why.
+    /// Reason.
     pub source: io::Error,
 }
 
@@ -86,7 +87,8 @@ pub fn is_same_destination(a: &Path, b: &Path) -> bool {
     is_same(a, b) || matches!((plain_name(a), plain_name(b)), (Some(a), Some(b)) if a == b)
 }
 
-/// The one name of a file that may not be there: without links and turns. `None` where its folder is not there either.
+/// The one name of a file that may not be there: without links and turns. `None` where its folder
+/// is not there either.
 fn plain_name(path: &Path) -> Option<PathBuf> {
     let path = std::path::absolute(followed(path).ok()?).ok()?;
     Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?))
@@ -109,11 +111,11 @@ pub fn is_standard_output(path: &Path) -> bool {
     ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Where something is written.
+/// Destination of a file.
 enum Destination {
     Output,
     Errors,
-    /// What is no regular file.
+    /// A special file.
     InPlace(PathBuf),
     /// A file, with what is known of the one that it replaces.
     File(PathBuf, Option<Metadata>),
@@ -137,7 +139,7 @@ impl Destination {
     }
 }
 
-/// What a link leads to, whether it is there or not; any other path as it is.
+/// Target of a link, which may be missing; any other path unchanged.
 fn followed(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -150,8 +152,8 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links"))
 }
 
-/// Writes a file whole or not at all. Links are followed, what is no regular file is written into, `-` is the standard output. A file that is
-/// replaced hands its permissions on.
+/// Writes a file whole or not at all. Links are followed, what is no regular file is written into,
+/// `-` is the standard output. A file that is replaced hands its permissions on.
 ///
 /// # Errors
 /// [`WriteError`] with the path; nothing is left behind then.
@@ -203,7 +205,8 @@ fn hand_on(replaced: &Metadata, file: &File) -> io::Result<()> {
         use std::os::unix::fs::MetadataExt;
         let present = file.metadata()?;
         if (present.uid(), present.gid()) != (replaced.uid(), replaced.gid()) {
-            // Only the superuser may give files away; for all others the new file is theirs, as any other that they write.
+            // Only the superuser may give files away; for all others the new file is theirs, as any
+            // other that they write.
             let _ = std::os::unix::fs::fchown(file, Some(replaced.uid()), Some(replaced.gid()));
         }
     }

@@ -1,8 +1,9 @@
 //! Requests to stop a long computation: Ctrl-C where another program's interpreter runs this one.
 //!
-//! Whoever embeds the runtime says with [`set_hook`] how to ask for such a request. Computations look at a [`Pace`] as they go on: it counts, and
-//! looks at the clock every few milliseconds, so that the hook is asked every 100 ms on a thread and costs nothing in between. Threads of
-//! a pool read a flag, which the thread that waits for them sets.
+//! Whoever embeds the runtime says with [`set_hook`] how to ask for such a request. Computations
+//! look at a [`Pace`] as they go on: it counts, and looks at the clock every few milliseconds, so
+//! that the hook is asked every 100 ms on a thread and costs nothing in between. Threads of a pool
+//! read a flag, which the thread that waits for them sets.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,13 +22,15 @@ static HOOK: OnceLock<fn() -> bool> = OnceLock::new();
 thread_local! {
     /// When this thread last asked.
     static ASKED: Cell<Option<Instant>> = const { Cell::new(None) };
-    /// What this thread looks at in place of the hook.
+    /// Flag of this thread instead of the hook.
     static FLAG: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
-    /// True if it has one. The first look at a value that is dropped with its thread allocates, which a step must not.
+    /// True if it has one. The first look at a value that is dropped with its thread allocates,
+    /// which a step must not.
     static FOLLOWS: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Says whom to ask; the first one stays. Asked again after it said yes, it must say so until the computation has returned.
+/// Says whom to ask; the first one stays. Asked again after it said yes, it must say so until the
+/// computation has returned.
 pub fn set_hook(ask: fn() -> bool) {
     let _ = HOOK.set(ask);
 }

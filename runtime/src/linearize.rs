@@ -36,18 +36,19 @@ pub enum LinearizeError {
     /// The equations cannot be solved for the algebraic variables or the rates.
     #[error("the linearisation is singular: {part} cannot be solved for")]
     Singular {
-        /// What.
+        /// Name.
         part: &'static str,
     },
     /// An expression cannot be differentiated.
     #[error("the linearisation cannot be formed: {message}")]
     Derivative {
-        /// What the back end says.
+        /// Message of the back end.
         message: String,
     },
 }
 
-/// Linearises an instance (its present actions, parameters, discrete variables) at the unknowns `y`.
+/// Linearises an instance (its present actions, parameters, discrete variables) at the unknowns
+/// `y`.
 ///
 /// # Errors
 /// When the algebraic equations are singular there.
@@ -123,8 +124,9 @@ fn together(weights: &DMatrix<f64>, by_y: &DMatrix<f64>, by_u: &DMatrix<f64>) ->
     })
 }
 
-/// Rates at the point, where the equations need not rest, and their weights in all equations there: by Newton's method on the equations of
-/// states, as rates may stand in products and powers. A correction by weights that are those of its result is exact.
+/// Rates at the point, where the equations need not rest, and their weights in all equations there:
+/// by Newton's method on the equations of states, as rates may stand in products and powers. A
+/// correction by weights that are those of its result is exact.
 fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DMatrix<f64>), LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let (mut yp, mut residual) = (vec![0.0; n], vec![0.0; n]);
@@ -146,7 +148,8 @@ fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DM
     Err(LinearizeError::Singular { part: "a rate" })
 }
 
-/// Rates at states that need not rest, with the algebraic unknowns that belong to them: by Newton's method on all equations.
+/// Rates at states that need not rest, with the algebraic unknowns that belong to them: by Newton's
+/// method on all equations.
 ///
 /// # Errors
 /// When the equations cannot be solved for them.
@@ -179,7 +182,7 @@ pub(crate) fn rates_at(system: &mut CompiledSystem, y: &[f64]) -> Result<Vec<f64
     Err(LinearizeError::Singular { part: "a rate" })
 }
 
-/// What solves for rates by their weights; nothing where these are the identity, as in an explicit model.
+/// Solver of rates by their weights; `None` if these are the identity, as in an explicit model.
 fn weighing(mass: &DMatrix<f64>) -> Result<Option<Inverse>, LinearizeError> {
     if mass.is_identity(0.0) {
         return Ok(None);
@@ -187,7 +190,8 @@ fn weighing(mass: &DMatrix<f64>) -> Result<Option<Inverse>, LinearizeError> {
     Inverse::new(mass).map(Some).ok_or(LinearizeError::Singular { part: "a rate" })
 }
 
-/// How the equations weigh the rates of states; the Jacobian is affine in the weight of the derivatives.
+/// Weights of the rates of states in the equations; the Jacobian is affine in the weight of the
+/// derivatives.
 fn mass(system: &mut CompiledSystem, t: f64, y: &[f64], yp: &[f64]) -> DMatrix<f64> {
     let nx = system.model().states();
     (jacobian(system, t, y, yp, 0.0) - jacobian(system, t, y, yp, 1.0)).columns(0, nx).clone_owned()

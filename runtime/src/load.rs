@@ -1,7 +1,8 @@
 //! From a file to a model ready to run.
 //!
-//! This is the one place that calls the front end: source text, scenario, variants and settings go in, a compiled model and the options of
-//! its environments come out. A compiled model written by `smpl compile` is read as it is; it takes parameters, but no variants.
+//! This is the one place that calls the front end: source text, scenario, variants and settings go
+//! in, a compiled model and the options of its environments come out. A compiled model written by
+//! `smpl compile` is read as it is; it takes parameters, but no variants.
 
 mod asked;
 mod faults;
@@ -37,13 +38,14 @@ pub const ARTEFACT_EXTENSION: &str = "smplc";
 /// Ending of files that hold a checked model in the form that `smpl export --to json` writes.
 pub(crate) const JSON_EXTENSION: &str = "json";
 
-/// Returns `true` if a file holds a model that was made for a scenario, variants and settings already.
+/// Returns `true` if a file holds a model that was made for a scenario, variants and settings
+/// already.
 #[must_use]
 pub fn is_made(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == ARTEFACT_EXTENSION || e == JSON_EXTENSION)
 }
 
-/// What is asked of a model beside its text.
+/// Options of a model in addition to its text.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Name or path of a scenario; `None` and `default` are the model as it is.
@@ -70,7 +72,7 @@ pub struct LoadOptions {
 pub struct Loaded {
     /// The compiled model.
     pub model: Arc<CompiledModel>,
-    /// What its environments take from the scenario and the settings.
+    /// Options of its environments from the scenario and the settings.
     pub options: EnvironmentOptions,
     /// All texts.
     pub sources: Arc<SourceMap>,
@@ -78,12 +80,12 @@ pub struct Loaded {
     pub warnings: Vec<Diagnostic>,
     /// Hash of the texts, that of the scenario included: what a compiled model belongs to.
     pub fingerprint: [u8; 32],
-    /// What the model is compiled for.
+    /// Options of the compilation.
     pub circumstances: Circumstances,
 }
 
 impl Loaded {
-    /// What of a compiled model is other than its text says, in words; empty where it is as it stands in the text.
+    /// Differences of a compiled model from its text, as text; empty without any.
     #[must_use]
     pub fn made_for(&self) -> String {
         let Circumstances { scenario, variants, settings } = &self.circumstances;
@@ -101,11 +103,11 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What kind of fault it is; `InvalidData` where the text is not UTF-8.
+        /// Kind of the error; `InvalidData` if the text is not UTF-8.
         kind: std::io::ErrorKind,
-        /// Why.
+        /// Reason.
         message: String,
-        /// What to do; may be empty.
+        /// Correction; may be empty.
         advice: String,
     },
     /// Faults in the model or the scenario.
@@ -119,7 +121,7 @@ pub enum LoadError {
     /// A setting that the model does not have, or that cannot have that value.
     #[error("{message}")]
     Setting {
-        /// What is wrong and what would be right.
+        /// Error and correction.
         message: String,
     },
     /// A compiled model that cannot be used.
@@ -127,7 +129,7 @@ pub enum LoadError {
     Artefact {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         message: String,
     },
 }
@@ -227,7 +229,8 @@ fn compiled(
     compile(sources, main, &mut |path| import_open(&folder, path, open), &asked, &settings)
 }
 
-/// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`), never outside them.
+/// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`),
+/// never outside them.
 pub fn import(folder: &Path, path: &str) -> Option<(String, String)> {
     import_open(folder, path, &|_| None)
 }

@@ -1,4 +1,5 @@
-//! From what the process is to what an agent sees: sampling interval, noise, delay, clipping, normalisation.
+//! From what the process is to what an agent sees: sampling interval, noise, delay, clipping,
+//! normalisation.
 
 use serde::{Deserialize, Serialize};
 use smpl_compiler::model::{Observed, Variate};
@@ -13,12 +14,12 @@ pub(crate) struct Sensors {
     plain: bool,
 }
 
-/// What the measuring chain has measured.
+/// Measurements of the measuring chain.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Readings {
     /// Present readings, physical units, unclipped.
     pub present: Vec<f64>,
-    /// Which of them have no value that is finite: the last one is kept.
+    /// Those without a finite value: the last one is kept.
     pub missing: Vec<bool>,
     /// Values on their way to be reported, channel after channel.
     pub pipeline: Vec<f64>,
@@ -153,7 +154,8 @@ pub fn normalise(value: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-/// The inverse of [`normalise`]: where the bounds are one number, that number. What is no number stays none.
+/// The inverse of [`normalise`]: where the bounds are one number, that number. What is no number
+/// stays none.
 #[must_use]
 pub fn denormalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;

@@ -1,16 +1,18 @@
 //! Random numbers that depend on what they are for, never on what was drawn before.
 //!
-//! A number is addressed by (seed, stream name, episode, step, element); the address goes through Philox4x32-10 (Salmon, Moraes, Dror, Shaw:
-//! Parallel random numbers: as easy as 1, 2, 3; SC 2011). So an episode is the same in any batch, on any number of threads.
-//! Uniforms are 52-bit midpoints of (0, 1); normals are Wichura's AS 241 inverse of the cumulative distribution. Only the basic operations and
-//! the square root are used, which IEEE 754 rounds alike everywhere: the same bits on every machine.
+//! A number is addressed by (seed, stream name, episode, step, element). The address goes through
+//! Philox4x32-10 (Salmon, Moraes, Dror, Shaw: Parallel random numbers: as easy as 1, 2, 3; SC
+//! 2011). So an episode is the same in any batch, on any number of threads. Uniforms are 52-bit
+//! midpoints of (0, 1); normals are Wichura's AS 241 inverse of the cumulative distribution. Only
+//! the basic operations and the square root are used, which IEEE 754 rounds alike everywhere: the
+//! same bits on every machine.
 
 use serde::{Deserialize, Serialize};
 
 /// Step number of what is drawn at reset.
 pub(crate) const AT_RESET: u32 = u32::MAX;
 
-/// What selects the random numbers of one episode.
+/// Key of the random numbers of one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct EpisodeKey {
     /// The seed given to `reset`.
@@ -95,8 +97,8 @@ pub(crate) fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     c
 }
 
-/// Value below which a standard normal lies with probability `p`, 0 < p < 1 (Wichura, Applied Statistics 37 (1988) 477-484,
-/// algorithm AS 241, PPND16: relative error about 1e-16).
+/// Value below which a standard normal lies with probability `p`, 0 < p < 1 (Wichura, Applied
+/// Statistics 37 (1988) 477-484, algorithm AS 241, PPND16: relative error about 1e-16).
 #[must_use]
 pub(crate) fn normal_quantile(p: f64) -> f64 {
     let q = p - 0.5;
@@ -119,8 +121,8 @@ fn horner(coefficients: &[f64; 8], x: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
 }
 
-/// Natural logarithm of a positive normal number from basic operations alone: the libraries of different systems differ in
-/// the last bit.
+/// Natural logarithm of a positive normal number from basic operations alone: the libraries of
+/// different systems differ in the last bit.
 fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
     let mut exponent = ((bits >> 52) & 0x7ff) as i32 - 1023;

@@ -1,7 +1,8 @@
 //! Many trajectories at once: states and action sequences in, arrays out.
 //!
-//! A trajectory is an episode of an [`Environment`] from a given state, without anything around it: sampling-based control, identification and the
-//! generation of data stand on it. Trajectory i depends on nothing but its own inputs, so that results are the same to the bit on any number of
+//! A trajectory is an episode of an [`Environment`] from a given state, without anything around it:
+//! sampling-based control, identification and the generation of data stand on it. Trajectory i
+//! depends on nothing but its own inputs, so that results are the same to the bit on any number of
 //! threads, and the same as those of single steps.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,21 +16,21 @@ use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 use crate::steady::SteadyError;
 
-/// Where trajectories begin.
+/// Start of trajectories.
 #[derive(Clone, Copy)]
 pub enum Origin<'a> {
     /// At states in physical units and in declaration order, a row a trajectory, or one for all.
     States(&'a [f64]),
-    /// Where an episode is.
+    /// Present point of an episode.
     Snapshot(&'a Snapshot),
 }
 
 /// Values that may differ from trajectory to trajectory: one for all, or one for each.
 pub type Given<'a> = Vec<(String, &'a [f64])>;
 
-/// What is to be simulated. All numbers are in physical units.
+/// Simulation request. All numbers are in physical units.
 pub struct Plan<'a> {
-    /// Where trajectories begin.
+    /// Start of trajectories.
     pub origin: Origin<'a>,
     /// Number of trajectories.
     pub count: usize,
@@ -43,16 +44,19 @@ pub struct Plan<'a> {
     pub discrete: Given<'a>,
     /// Recorded disturbances, by name: a value a step, for all trajectories or for each.
     pub disturbances: Given<'a>,
-    /// Trajectory i is the episode of seed + i. Without one, random numbers are at their means and measurements exact.
+    /// Trajectory i is the episode of seed + i. Without one, random numbers are at their means and
+    /// measurements exact.
     pub seed: Option<u64>,
     /// Steps that count as completed at the start.
     pub first_step: u32,
-    /// Instants within steps at which states and measurements are read too: the step, from 0, and the share of it, from 0 to 1.
+    /// Instants within steps at which states and measurements are read too: the step, from 0, and
+    /// the share of it, from 0 to 1.
     pub instants: &'a [(usize, f64)],
 }
 
-/// Where results go: a row a trajectory and, but for those of the ends, a row a step within it. After its end a trajectory keeps its last states,
-/// observations and outputs; its rewards, costs and violations are 0.
+/// Destination of results: a row per trajectory and, except for those of the ends, a row per step
+/// within it. After its end a trajectory keeps its last states, observations and outputs; its
+/// rewards, costs and violations are 0.
 pub struct Arrays<'a> {
     /// States in declaration order: count × (horizon + 1) × states.
     pub states: &'a mut [f64],
@@ -72,9 +76,11 @@ pub struct Arrays<'a> {
     pub terminated: &'a mut [bool],
     /// Ended by the time limit.
     pub truncated: &'a mut [bool],
-    /// States at the instants of the plan: count × instants × states; NaN where a trajectory does not get there.
+    /// States at the instants of the plan: count × instants × states; NaN where a trajectory does
+    /// not get there.
     pub instant_states: &'a mut [f64],
-    /// Measurements at these instants, without noise, sampling, delay or clipping: count × instants × observations.
+    /// Measurements at these instants, without noise, sampling, delay or clipping: count × instants
+    /// × observations.
     pub measured: &'a mut [f64],
 }
 
@@ -95,7 +101,7 @@ pub enum RolloutError {
     /// An array has the wrong length.
     #[error("{name} has {given} entries, expected {expected}")]
     Length {
-        /// Which array.
+        /// Name of the array.
         name: String,
         /// Its length.
         given: usize,
@@ -108,7 +114,7 @@ pub enum RolloutError {
     /// A step at or beyond the time limit.
     #[error("the first step is {given}, and the time limit {limit} steps")]
     FirstStep {
-        /// What was given.
+        /// Given value.
         given: u32,
         /// The limit.
         limit: u32,
@@ -121,7 +127,7 @@ pub enum RolloutError {
     Reset {
         /// Its number.
         index: usize,
-        /// Why.
+        /// Reason.
         error: ResetError,
     },
     /// A trajectory refuses an action.
@@ -129,7 +135,7 @@ pub enum RolloutError {
     Step {
         /// Its number.
         index: usize,
-        /// Why.
+        /// Reason.
         error: StepError,
     },
     /// The snapshot is of another model.
@@ -190,11 +196,12 @@ impl Rollouts {
         self.widths
     }
 
-    /// Simulates all trajectories and returns the failure of each. A trajectory that has no consistent start has the failure `start`, NaN for
-    /// its states and no steps.
+    /// Simulates all trajectories and returns the failure of each. A trajectory that has no
+    /// consistent start has the failure `start`, NaN for its states and no steps.
     ///
     /// # Errors
-    /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are no numbers: nothing of the arrays counts then. An interruption.
+    /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are no
+    /// numbers: nothing of the arrays counts then. An interruption.
     pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<End>, RolloutError> {
         self.check(plan, &arrays)?;
         self.stop.store(false, Ordering::Relaxed);

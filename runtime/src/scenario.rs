@@ -1,7 +1,8 @@
 //! Scenarios: YAML files that say under which circumstances a model is run.
 //!
-//! A scenario `legacy` of `models/reactor.eq` is `models/reactor.legacy.yaml`. Names inside are checked against the model after it is compiled;
-//! keys of the scenario itself are checked here, with their place in the file.
+//! A scenario `legacy` of `models/reactor.eq` is `models/reactor.legacy.yaml`. Names inside are
+//! checked against the model after it is compiled; keys of the scenario itself are checked here,
+//! with their place in the file.
 
 mod places;
 #[cfg(test)]
@@ -35,7 +36,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// What a command line means: a number, a flag, `[1, 2]`, otherwise text.
+    /// Value of a command-line argument: a number, a flag, `[1, 2]`, otherwise text.
     #[must_use]
     pub fn parse(text: &str) -> Self {
         let list = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -174,7 +175,7 @@ struct File {
     max_steps: Option<u32>,
 }
 
-/// What is said of a key that a mapping has more than once.
+/// Message for a repeated key of a mapping.
 const TWICE: &str = "is given twice";
 
 /// Under which circumstances a model is run.
@@ -244,7 +245,8 @@ impl Scenario {
         }
     }
 
-    /// The first name that is given under two keys, or with two options, which say what it is: the second key, and the name.
+    /// The first name that is given under two keys, or with two options, which say what it is: the
+    /// second key, and the name.
     fn twice(&self) -> Option<(&'static str, String)> {
         let first = |name: &str| self.variants.iter().position(|variant| variant.name == name);
         let mut variants = self.variants.iter().enumerate();
@@ -260,7 +262,8 @@ impl Scenario {
         self.settings.keys().find(|name| elsewhere(name)).map(|name| ("settings", name.clone()))
     }
 
-    /// The first number that nothing can mean: the key that it stands under, its name, and what is wrong.
+    /// The first number that nothing can mean: the key that it stands under, its name, and what is
+    /// wrong.
     fn bad_value(&self) -> Option<(&'static str, String, String)> {
         let fault = |key, name: &str, message: String| Some((key, name.to_owned(), message));
         if self.max_steps == Some(0) {
@@ -298,7 +301,7 @@ impl Recorded {
         }
     }
 
-    /// What is wrong with it.
+    /// Error.
     fn fault(&self) -> Option<&'static str> {
         match self {
             Recorded::Constant(x) if !x.is_finite() => Some("takes finite numbers"),
@@ -361,8 +364,8 @@ pub fn beside(model: &Path) -> Vec<String> {
 /// Deepest nest of brackets in a scenario, which needs two or three.
 const MAX_NESTING: usize = 100;
 
-/// Where brackets are nested too deep: the YAML reader takes time that grows with the square of the depth. Brackets in texts and comments
-/// count too; nobody opens a hundred there.
+/// Place of brackets that are nested too deep: the time of the YAML reader grows with the square of
+/// the depth. Brackets in texts and comments count too; nobody opens a hundred there.
 fn too_deep(text: &str) -> Option<usize> {
     let mut depth = 0_usize;
     text.bytes().position(|byte| {
@@ -375,7 +378,7 @@ fn too_deep(text: &str) -> Option<usize> {
     })
 }
 
-/// What the YAML reader says, as a diagnostic of ours.
+/// Message of the YAML reader, as a diagnostic.
 fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     let full = error.to_string();
     let message = full.split(" at line ").next().unwrap_or(&full).to_owned();

@@ -1,8 +1,9 @@
 //! Control steps with their derivatives, many at once: states and actions in, arrays out.
 //!
-//! A point is a state and an action; its derivatives by states, actions, parameters, discrete variables and disturbances are integrated with the step
-//! ([`crate::environment::Follower`]), so many directions at once that their numbers stay in the cache. Points and groups of directions are spread over the threads;
-//! a result depends on nothing but its own point and group.
+//! A point is a state and an action. Its derivatives by states, actions, parameters, discrete
+//! variables and disturbances are integrated with the step ([`crate::environment::Follower`]), so
+//! many directions at once that their numbers stay in the cache. Points and groups of directions
+//! are spread over the threads; a result depends on nothing but its own point and group.
 
 pub(crate) mod augmented;
 pub(crate) mod tangents;
@@ -23,7 +24,8 @@ const AT_ONCE: usize = 150_000;
 /// Fewest directions of a group.
 const FEWEST: usize = 8;
 
-/// What to differentiate where. Values have one entry for all points, or one for each.
+/// Functions and points of a differentiation. Values have one entry for all points, or one for
+/// each.
 #[derive(Clone)]
 pub struct Plan<'a> {
     /// Number of points.
@@ -42,7 +44,7 @@ pub struct Plan<'a> {
     pub first_step: u32,
 }
 
-/// Where results go; derivatives are rows of as many numbers as there are directions.
+/// Destination of results; derivatives are rows of as many numbers as there are directions.
 pub struct Arrays<'a> {
     /// States after the step, by points.
     pub states: &'a mut [f64],
@@ -64,7 +66,7 @@ pub enum SensitivityError {
     /// A list has another length than it should.
     #[error("{name} has {given} entries, expected {expected}")]
     Length {
-        /// Which.
+        /// Name.
         name: String,
         /// Its length.
         given: usize,
@@ -76,7 +78,7 @@ pub enum SensitivityError {
     Reset {
         /// Its number.
         index: usize,
-        /// Why.
+        /// Reason.
         error: ResetError,
     },
     /// A step that cannot be followed.
@@ -84,7 +86,7 @@ pub enum SensitivityError {
     Follow {
         /// Number of the point.
         index: usize,
-        /// Why.
+        /// Reason.
         error: FollowError,
     },
     /// Somebody wanted it to stop.
@@ -114,7 +116,7 @@ pub struct Sensitivities {
     width: usize,
 }
 
-/// What a task found: its group's directions of one point.
+/// Result of a task: its group's directions of one point.
 type Task<'a> = (usize, usize, Result<(), SensitivityError>, &'a Mutex<Arrays<'a>>);
 
 impl Sensitivities {
@@ -146,7 +148,8 @@ impl Sensitivities {
     /// Differentiates at all points.
     ///
     /// # Errors
-    /// Wrong lengths, unknown names, a step that does not come to its end or has no derivative: nothing of the arrays counts then.
+    /// Wrong lengths, unknown names, a step that does not come to its end or has no derivative:
+    /// nothing of the arrays counts then.
     pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<(), SensitivityError> {
         self.check(plan)?;
         self.stop.store(false, Ordering::Relaxed);

@@ -1,4 +1,5 @@
-//! What all instances of an environment share: the model, names, settings, the nominal steady state.
+//! Shared data of all instances of an environment: the model, names, settings, the nominal steady
+//! state.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, OnceLock};
@@ -39,11 +40,11 @@ pub enum SetupError {
     /// A value that is none.
     #[error("{what} must be {expected}, not {value}")]
     Value {
-        /// Which setting.
+        /// Name of the setting.
         what: String,
-        /// What it should be.
+        /// Expected value.
         expected: &'static str,
-        /// What it is.
+        /// Kind.
         value: String,
     },
     /// The Jacobian's pattern.
@@ -52,7 +53,7 @@ pub enum SetupError {
     /// The method does not take the model.
     #[error("{message}")]
     Method {
-        /// What it does not take, by name, and what to use instead.
+        /// Name of the unsupported part, and its replacement.
         message: String,
     },
     /// The solver refuses its settings or the system.
@@ -91,16 +92,18 @@ impl Drawn {
     }
 }
 
-/// Which programs a model has, and what they read.
+/// Programs of a model, and the values they read.
 pub(crate) struct Programs {
     pub has_start: bool,
     pub has_end: bool,
     pub has_disturbances: bool,
     /// `finish` or a test reads time derivatives, which then must be those of the final state.
     pub derivatives_at_end: bool,
-    /// Most passes in which initial values that read what is known only at a consistent start get theirs.
+    /// Most passes in which initial values that read what is known only at a consistent start get
+    /// theirs.
     pub start_passes: usize,
-    /// Most passes in which start values that read discrete variables or disturbances settle; 0 where there are none.
+    /// Most passes in which start values that read discrete variables or disturbances settle; 0
+    /// where there are none.
     pub discrete_passes: usize,
 }
 
@@ -128,7 +131,7 @@ pub(crate) struct Steady {
     pub missing: Option<SteadyError>,
 }
 
-/// What all instances of an environment share.
+/// Shared data of all instances of an environment.
 pub struct Setup {
     /// The compiled functions, with the parameters in force.
     pub system: CompiledSystem,
@@ -163,7 +166,8 @@ impl Setup {
         integrator(&self.system, self.settings.clone())
     }
 
-    /// The implicit method that does not take the steps, if the model takes it and steps may be repeated.
+    /// The implicit method that does not take the steps, if the model takes it and steps may be
+    /// repeated.
     pub(crate) fn other_method(&self) -> Option<Method> {
         if !self.retry {
             return None;
@@ -191,7 +195,8 @@ impl Setup {
         Self::make(model, options, sources, needs_steady)
     }
 
-    /// As [`new`](Self::new), for those who look for a steady state themselves: that the model's own is not found is no error.
+    /// As [`new`](Self::new), for those who look for a steady state themselves: that the model's
+    /// own is not found is no error.
     ///
     /// # Errors
     /// Unknown names, values out of range.
@@ -213,7 +218,8 @@ impl Setup {
         let interface = model.interface();
         let asked = options.solver.over(&interface.solver);
         let mut settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
-        // Rates jump within their own tolerance where the order changes: a test of what follows them would shorten steps without end.
+        // Rates jump within their own tolerance where the order changes: a test of what follows
+        // them would shorten steps without end.
         settings.algebraic_are_watched = model.algebraic_are_watched() && !algebraics_read_rates(&model);
         check_method(&model, &catalogue, settings.method)?;
         let reward = match &options.reward {
@@ -267,7 +273,8 @@ impl Setup {
         self.max_steps
     }
 
-    /// Hash of the model and of what the scenario says beside it: what a snapshot belongs to. Which reward is dense and how long an episode is may differ.
+    /// Hash of the model and of what the scenario says beside it: what a snapshot belongs to. Which
+    /// reward is dense and how long an episode is may differ.
     ///
     /// # Errors
     /// In words, if the model cannot be encoded.
@@ -325,7 +332,8 @@ impl Setup {
         self.system.region(Region::Steady(Part::Action))
     }
 
-    /// Reason why the model has no steady state with parameters at their means although it declares one.
+    /// Reason why the model has no steady state with parameters at their means although it declares
+    /// one.
     #[must_use]
     pub fn no_steady(&self) -> Option<&SteadyError> {
         self.steady.missing.as_ref()
@@ -440,7 +448,7 @@ fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) ->
     Err(SetupError::Method { message })
 }
 
-/// What takes the steps, by the name that is given on the command line or in Python.
+/// Integration method by its name on the command line or in Python.
 ///
 /// # Errors
 /// If there is none of that name.

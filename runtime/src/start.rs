@@ -1,8 +1,10 @@
 //! Starts of episodes: algebraic unknowns and states that conditions at the start determine.
 //!
-//! The unknowns are solved for block by block, strongly connected components of the equations in their order. Each block is tried by Newton's
-//! method from its guess, inside of its bounds, from other guesses, by homotopy and by least squares; the same tries in the same order give the same
-//! result each time. A block without a solution is reported with its unknowns, its equations and all that was tried.
+//! The unknowns are solved for block by block, strongly connected components of the equations in
+//! their order. Each block is tried by Newton's method from its guess, inside of its bounds, from
+//! other guesses, by homotopy and by least squares. The same tries in the same order give the same
+//! result each time. A block without a solution is reported with its unknowns, its equations and
+//! all that was tried.
 
 mod blocks;
 mod choice;
@@ -29,7 +31,7 @@ pub(crate) enum StartError {
     Interrupted,
 }
 
-/// What is sought at a start, besides the algebraic unknowns.
+/// Unknowns of a start in addition to the algebraic ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sought<'a> {
     /// States that conditions determine, places in `y`.
@@ -38,7 +40,7 @@ pub(crate) struct Sought<'a> {
     pub conditions: &'a [usize],
 }
 
-/// Where and of what a start is sought.
+/// Point and unknowns of a start.
 #[derive(Clone, Copy)]
 pub(crate) struct Context<'a> {
     pub catalogue: &'a Catalogue,
@@ -47,7 +49,8 @@ pub(crate) struct Context<'a> {
     pub time: f64,
 }
 
-/// Blocks of the algebraic equations in the order of their solution: places in `y` of the unknowns of each.
+/// Blocks of the algebraic equations in the order of their solution: places in `y` of the unknowns
+/// of each.
 pub(crate) struct Structure {
     pub blocks: Vec<Vec<usize>>,
 }

@@ -1,13 +1,16 @@
 //! Steady states: F(y, y' = 0) = 0 with given actions.
 //!
-//! States that the equations leave free (an integrating level) are fixed by the caller, and their rows are dropped. The search
-//! is Newton's method, damped by the natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems, section 3.3), with the
-//! exact Jacobian. Where it does not converge, pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508-523)
-//! follows the process itself to rest first, so that what is found is a stable state near the guess. What is outside of the declared bounds
-//! is not taken: the process is followed, the search kept inside, and other guesses are tried.
+//! States that the equations leave free (an integrating level) are fixed by the caller, and their
+//! rows are dropped. The search is Newton's method, damped by the natural monotonicity test
+//! (Deuflhard, Newton Methods for Nonlinear Problems, section 3.3), with the exact Jacobian. Where
+//! it does not converge, pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35
+//! (1998) 508-523) follows the process itself to rest first, so that what is found is a stable
+//! state near the guess. What is outside of the declared bounds is not taken: the process is
+//! followed, the search kept inside, and other guesses are tried.
 //!
-//! At rest the start of the episode, the end of the step before and the steady state are the same point: `initial(x)`, `previous(x)` and `steady(x)` are x in
-//! the search, and the Jacobian has their derivatives.
+//! At rest the start of the episode, the end of the step before and the steady state are the same
+//! point: `initial(x)`, `previous(x)` and `steady(x)` are x in the search, and the Jacobian has
+//! their derivatives.
 
 mod bounds;
 mod discretes;
@@ -35,22 +38,26 @@ pub(crate) use motion::Motion;
 use newton::Search;
 use problem::Given;
 
-/// Rounds between unknowns and discrete variables: each passes a held value one unit further down a flowsheet.
+/// Rounds between unknowns and discrete variables: each passes a held value one unit further down a
+/// flowsheet.
 const MAX_ROUNDS: u32 = 100;
 /// Change of a discrete variable, relative to its value and scale, that counts as none.
 const SETTLED: f64 = 1e-14;
-/// What a frame holds.
+/// Content of a frame.
 const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
 
-/// How well a steady state was found.
+/// Accuracy of a steady state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteadyReport {
-    /// Euclidean norm of the rows that were solved: all but those of fixed states, in the model's units.
+    /// Euclidean norm of the rows that were solved: all but those of fixed states, in the model's
+    /// units.
     pub residual_norm: f64,
-    /// Largest rate of a fixed state, or of one whose row a condition took, and its place in `y`: how far what is held is from rest. `None` where
-    /// nothing is fixed, or the equations do not determine the rates.
+    /// Largest rate of a fixed state, or of one whose row a condition took, and its place in `y`:
+    /// how far what is held is from rest. `None` where nothing is fixed, or the equations do not
+    /// determine the rates.
     pub held: Option<(usize, f64)>,
-    /// Largest rate, relative to its scale, of another state, and its place in `y`, if it moves: where rates are coupled, it moves with a held one.
+    /// Largest rate, relative to its scale, of another state, and its place in `y`, if it moves:
+    /// where rates are coupled, it moves with a held one.
     pub moving: Option<(usize, f64)>,
     /// Newton iterations and pseudo-time steps.
     pub iterations: u32,
@@ -58,7 +65,8 @@ pub struct SteadyReport {
 
 /// Other guesses from which [`others`] looks for steady states.
 const GUESSES: u64 = 24;
-/// Other guesses of the algebraic variables at given states, where their solution is outside of the bounds.
+/// Other guesses of the algebraic variables at given states, where their solution is outside of the
+/// bounds.
 const ALGEBRAIC_GUESSES: u64 = 8;
 /// Unknowns beyond which it does not.
 const MANY: usize = 100;
@@ -67,18 +75,20 @@ const SAME: f64 = 1e-6;
 
 /// Unknowns of implicit models beyond which the rates of held states are not computed.
 const MOST_RATES: usize = 3000;
-/// A free state moves if its rate, in scales, is more than this part of that of a held one, and than rounding leaves.
+/// A free state moves if its rate, in scales, is more than this part of that of a held one, and
+/// than rounding leaves.
 const MOVING: f64 = 1e-6;
 const RESTING: f64 = 1e-9;
 
-/// What is held in a search.
+/// Fixed values of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Held {
     /// States (places in `y`) and their values.
     pub states: Vec<(usize, f64)>,
     /// Conditions of the model's `steady` block, `A + B = 1`, by number.
     pub conditions: Vec<usize>,
-    /// Actions that are found with the unknowns, by position: as many as states and conditions, which hold in addition to the equations (trim).
+    /// Actions that are found with the unknowns, by position: as many as states and conditions,
+    /// which hold in addition to the equations (trim).
     pub free: Vec<usize>,
 }
 
@@ -98,7 +108,8 @@ impl Held {
     }
 }
 
-/// A first guess: the initial values of states where they do not depend on the steady state itself, the declared values of the others.
+/// A first guess: the initial values of states where they do not depend on the steady state itself,
+/// the declared values of the others.
 #[must_use]
 pub fn guess(system: &CompiledSystem, catalogue: &Catalogue) -> Vec<f64> {
     let mut y = vec![0.0; system.model().unknowns()];
@@ -141,7 +152,8 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
     (out, Held { states, conditions: (0..conditions).collect(), free })
 }
 
-/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do without.
+/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do
+/// without.
 pub fn forget(system: &mut CompiledSystem) {
     for part in PARTS {
         system.region_mut(Region::Steady(part)).fill(f64::NAN);
@@ -159,8 +171,8 @@ impl SteadyReport {
     }
 }
 
-/// Finds the model's own steady state and keeps it in the steady frame of the instance. The instance's actions and
-/// discrete variables are those of the steady state afterwards.
+/// Finds the model's own steady state and keeps it in the steady frame of the instance. The
+/// instance's actions and discrete variables are those of the steady state afterwards.
 ///
 /// # Errors
 /// See [`SteadyError`].
@@ -173,7 +185,8 @@ pub fn solve_declared(system: &mut CompiledSystem, catalogue: &Catalogue, guess:
     Ok(report)
 }
 
-/// Finds a steady state near `y` for actions (in their order) and fixed states (places in `y` and values).
+/// Finds a steady state near `y` for actions (in their order) and fixed states (places in `y` and
+/// values).
 ///
 /// # Errors
 /// See [`SteadyError`].
@@ -230,8 +243,9 @@ pub fn solve_held(
     Ok(report)
 }
 
-/// Unknowns and discrete variables that belong to each other: a discrete variable stands for its initial value, which may be an
-/// expression of the steady state. The other instants are those of the state on the way. Returns iterations and the rows that conditions replace.
+/// Unknowns and discrete variables that belong to each other: a discrete variable stands for its
+/// initial value, which may be an expression of the steady state. The other instants are those of
+/// the state on the way. Returns iterations and the rows that conditions replace.
 fn settle(
     system: &mut CompiledSystem,
     catalogue: &Catalogue,
@@ -267,7 +281,8 @@ fn begin_round(system: &mut CompiledSystem, given: &[GivenValue], y: &mut [f64])
     frames::rest_at(system, y);
 }
 
-/// Makes the solved variables fit the guessed states where that is possible: their own guesses are often none.
+/// Makes the solved variables fit the guessed states where that is possible: their own guesses are
+/// often none.
 fn settle_algebraic(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64], fixed: &[bool]) {
     let states = system.model().states();
     // A variable that is held belongs to other states.
@@ -305,7 +320,8 @@ fn unchanged(catalogue: &Catalogue, before: &[f64], after: &[f64]) -> bool {
     })
 }
 
-/// Other steady states inside of the bounds than `y`, as far as searches from some other guesses find them: `system` is at `y`.
+/// Other steady states inside of the bounds than `y`, as far as searches from some other guesses
+/// find them: `system` is at `y`.
 #[must_use]
 pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], held: &Held, y: &[f64]) -> Vec<Vec<f64>> {
     let mut found: Vec<Vec<f64>> = Vec::new();
@@ -328,7 +344,8 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
             is_same(catalogue.states.elements(), known, trial) && is_same(catalogue.solved.elements(), known, trial)
         };
         let is_new = |trial: &[f64]| !std::iter::once(y).chain(found.iter().map(Vec::as_slice)).any(|other| known(other, trial));
-        // Discrete variables may depend on the steady state: once more with those that belong to it.
+        // Discrete variables may depend on the steady state: once more with those that belong to
+        // it.
         if near && is_new(&trial) && solve_held(&mut system, catalogue, actions, held, &[], &mut trial).is_ok() && is_new(&trial) {
             found.push(trial);
         }
@@ -336,7 +353,8 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
     found
 }
 
-/// Returns `true` if two points have the same values of some states and solved variables, as far as steady states are told apart.
+/// Returns `true` if two points have the same values of some states and solved variables, as far as
+/// steady states are told apart.
 #[must_use]
 pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
     elements.iter().all(|e| {

@@ -18,7 +18,7 @@ const NEARLY: f64 = 1e-9;
 /// Most inputs of root functions that are compared where an integration begins.
 const FEW: usize = 64;
 
-/// What the solver asks for again and again; shared by all instances of a model.
+/// Data that the solver needs repeatedly, shared by all instances of a model.
 #[derive(Debug)]
 struct Shape {
     pattern: Pattern,
@@ -37,7 +37,8 @@ struct Shape {
     nearly_zero: Box<[f64]>,
 }
 
-/// A compiled model and everything that one instance of it holds but its unknowns. A clone is a snapshot.
+/// A compiled model and everything that one instance of it holds but its unknowns. A clone is a
+/// snapshot.
 #[derive(Clone)]
 pub struct CompiledSystem {
     model: Arc<CompiledModel>,
@@ -45,7 +46,8 @@ pub struct CompiledSystem {
     memory: Memory,
     /// Values and rates of the invariants, where the rates are integrated too.
     invariants: Vec<f64>,
-    /// Unknowns with nonnegative states at zero or above, and upper bounds of them, where there are such states.
+    /// Unknowns with nonnegative states at zero or above, and upper bounds of them, where there are
+    /// such states.
     seen: Option<Box<[Vec<f64>; 2]>>,
 }
 
@@ -53,7 +55,8 @@ impl CompiledSystem {
     /// An instance with parameters at their defaults and nominal actions.
     ///
     /// # Errors
-    /// When the model's Jacobian has no proper pattern (a fault of the compiler or a damaged artefact).
+    /// When the model's Jacobian has no proper pattern (a fault of the compiler or a damaged
+    /// artefact).
     pub fn new(model: Arc<CompiledModel>) -> Result<Self, PatternError> {
         let pattern = model.pattern();
         let catalogue = Catalogue::new(&model);
@@ -93,7 +96,8 @@ impl CompiledSystem {
         self.invariants = vec![0.0; 2 * self.model.interface().invariants.len()];
     }
 
-    /// Returns `true` if an equation reads values of the start of the episode, of the end of the step before or of the steady state.
+    /// Returns `true` if an equation reads values of the start of the episode, of the end of the
+    /// step before or of the steady state.
     #[must_use]
     pub fn reads_other_instants(&self) -> bool {
         self.shape.reads_other_instants
@@ -124,7 +128,8 @@ impl CompiledSystem {
         self.memory.all_mut().copy_from_slice(numbers);
     }
 
-    /// Keeps the present unknowns, actions, discrete variables and disturbances as those of another instant.
+    /// Keeps the present unknowns, actions, discrete variables and disturbances as those of another
+    /// instant.
     pub fn keep(&mut self, y: &[f64], instant: fn(Part) -> Region) {
         self.memory.region_mut(instant(Part::Y)).copy_from_slice(y);
         for (part, present) in PRESENT {
@@ -195,7 +200,7 @@ fn reads_other_instants(model: &CompiledModel) -> bool {
     false
 }
 
-/// Where nothing runs at an event it marks a switch in the equations, which matters both ways.
+/// An event without updates marks a switch in the equations, which matters in both directions.
 fn root_kind(kind: &WatchKind, roots: &[Root]) -> RootKind {
     let (both, role) = match kind.role {
         WatchRole::Event(index) => (roots[index as usize].action == RootAction::Restart, RootRole::Event),

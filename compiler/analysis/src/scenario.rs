@@ -199,7 +199,7 @@ pub fn hover(program: &Program, facts: &Facts, text: &str, offset: usize) -> Opt
     Some(Hover { range, markdown: format!("`{name}`: {meaning}") })
 }
 
-/// What can be written at a byte: sections at the begin of a line, names of the model inside of a section.
+/// Completions at a byte: sections at the begin of a line, names of the model inside of a section.
 #[must_use]
 pub fn complete(program: &Program, facts: &Facts, text: &str, offset: usize) -> Completion {
     let offset = text.floor_char_boundary(offset.min(text.len()));

@@ -10,7 +10,7 @@ use crate::setup::Setup;
 use crate::solver::Integrator;
 use crate::steady::SteadyError;
 
-/// What is known of a step of one instance beyond its flags.
+/// Data of a step of one instance in addition to its flags.
 #[derive(Clone, Debug, Default)]
 pub struct Info {
     /// Time.
@@ -88,7 +88,8 @@ pub(super) enum Fault {
     Reset(ResetError),
 }
 
-/// Instances next to one another, which one thread steps in turn with one integrator: its space stays in the nearest cache.
+/// Instances next to one another, which one thread steps in turn with one integrator: its space
+/// stays in the nearest cache.
 pub(super) struct Crew {
     pub integrator: Box<dyn Integrator>,
     pub members: Vec<Member>,

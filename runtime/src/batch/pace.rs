@@ -8,10 +8,10 @@ const WORTH_THREADS: Duration = Duration::from_micros(80);
 /// After so many steps in the way that was faster of late the other one is tried again.
 const TRIED_AGAIN: u32 = 64;
 
-/// What steps took of late, on one thread and on many.
+/// Recent times of steps, on one thread and on many.
 ///
-/// Many threads are slower where a step is short, and where other programs have the processors: the last thread to be woken is waited for. No bit of a step
-/// depends on the choice.
+/// Many threads are slower where a step is short, and where other programs have the processors: the
+/// last thread to be woken is waited for. No bit of a step depends on the choice.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pace {
     alone: Option<Duration>,
@@ -47,7 +47,8 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Steps of which `cost` says how long they take, from one thread or many; how many of the last 600 were for many.
+    /// Steps of which `cost` says how long they take, from one thread or many; how many of the last
+    /// 600 were for many.
     fn threaded(pace: &mut Pace, cost: impl Fn(bool) -> u64) -> usize {
         let mut step = || {
             let threads = pace.chooses_threads();

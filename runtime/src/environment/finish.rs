@@ -1,4 +1,4 @@
-//! What the `finish` program of a step gives.
+//! Results of the `finish` program of a step.
 
 use std::ops::Range;
 
@@ -43,7 +43,7 @@ impl Finish {
         &mut self.values
     }
 
-    /// Where a part stands in it.
+    /// Place of a part in it.
     pub(super) fn start(&self, part: Part) -> usize {
         self.parts[part as usize].start
     }

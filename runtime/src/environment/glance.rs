@@ -1,5 +1,6 @@
-//! Looks ahead from the present point of an episode, which stays where it is: states and measurements within the coming step, and the values that
-//! the rules of the disturbances have for it.
+//! Looks ahead from the present point of an episode, which stays where it is: states and
+//! measurements within the coming step, and the values that the rules of the disturbances have for
+//! it.
 
 use smpl_compiler::layout::Region;
 
@@ -7,8 +8,9 @@ use super::interval::Outcome;
 use super::{Environment, StepError};
 
 impl Environment {
-    /// Integrates a share of the coming step, from 0 to 1, with its action, and writes the states and the measurements there: without noise, sampling,
-    /// delay or clipping; NaN where the integration does not get there. The episode is then where it was.
+    /// Integrates a share of the coming step, from 0 to 1, with its action, and writes the states
+    /// and the measurements there: without noise, sampling, delay or clipping. NaN where the
+    /// integration does not get there. The episode is then where it was.
     ///
     /// # Errors
     /// An action that [`check`](Self::check) refuses, or an interruption.
@@ -38,8 +40,9 @@ impl Environment {
         if interrupted || restored.is_err() { Err(StepError::Interrupted) } else { Ok(()) }
     }
 
-    /// Measurements at the present point, and values of the disturbances for the coming step by their rules, both with these random numbers of the reset
-    /// and of the step; the present values of the disturbances are lost.
+    /// Measurements at the present point, and values of the disturbances for the coming step by
+    /// their rules, both with these random numbers of the reset and of the step. The present values
+    /// of the disturbances are lost.
     pub(crate) fn disturbed(&mut self, action: &[f64], draws: &[f64], measured: &mut [f64], out: &mut [f64]) {
         let setup = std::sync::Arc::clone(&self.setup);
         for (draw, &value) in setup.draws.iter().zip(draws) {

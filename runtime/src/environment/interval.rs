@@ -10,16 +10,16 @@ use crate::observe::variate;
 use crate::random::Stream;
 use crate::solver::{Advance, SolveError, Statistics};
 
-/// How an interval ended.
+/// End of an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Outcome {
     /// At its end.
     Completed,
     /// At an event that is a failure, by its index.
     Event(u32),
-    /// Where events follow one another without end.
+    /// Time at which events follow one another without end.
     Chatter,
-    /// Where an update made a state or a discrete variable that is not finite.
+    /// Place of an update whose state or discrete variable is not finite.
     Broken,
     /// The integrator gave up; the state is as before.
     Solver,
@@ -30,7 +30,8 @@ pub(super) enum Outcome {
 /// An event that comes again within this part of the step, sooner than the last time, accumulates.
 const ACCUMULATION: f64 = 1e-9;
 
-/// What came sooner that many times in succession accumulates too: rounding does not make it so.
+/// Number of successive shorter intervals that count as accumulation; rounding does not cause so
+/// many.
 const EVER_SOONER: u32 = 50;
 
 impl Environment {
@@ -59,7 +60,8 @@ impl Environment {
         outcome
     }
 
-    /// Returns whether the other implicit method may take the step: the failure is one of a method, and the model takes both.
+    /// Returns whether the other implicit method may take the step: the failure is one of a method,
+    /// and the model takes both.
     fn may_retry(&self) -> bool {
         let cause = self.progress.verdict.solver_failure.map(|failure| failure.cause);
         let of_method = match cause {
@@ -71,7 +73,8 @@ impl Environment {
         of_method && self.trace.is_none() && self.drifts.is_empty() && self.setup.other_method().is_some()
     }
 
-    /// Repeats the step from its start with the other implicit method. Where that fails too, the failure of the first one stands.
+    /// Repeats the step from its start with the other implicit method. Where that fails too, the
+    /// failure of the first one stands.
     #[cold]
     fn retry(&mut self) -> Outcome {
         let first = self.progress.verdict.solver_failure;
@@ -96,8 +99,8 @@ impl Environment {
         outcome
     }
 
-    /// Time at its end, as integrated. Where nothing is left out it is to the last bit the time at which the next interval begins: an event between the two
-    /// would be seen by neither.
+    /// Time at its end, as integrated. Where nothing is left out it is to the last bit the time at
+    /// which the next interval begins: an event between the two would be seen by neither.
     pub(super) fn end_time(&self) -> f64 {
         let episode = &self.setup.model().interface().episode;
         let steps = f64::from(self.progress.steps);
@@ -310,14 +313,16 @@ impl Environment {
         let moved = self.scratch != self.progress.y;
         if moved && (model.unknowns() > model.states() || self.setup.programs.derivatives_at_end) {
             model.prepare_step(memory);
-            // A failure to find consistent algebraic variables will show in the restart of the next step.
+            // A failure to find consistent algebraic variables will show in the restart of the next
+            // step.
             if self.integrator.restart(&mut self.system, t, &self.progress.y, Some(&self.progress.yp)).is_ok() {
                 self.take_state();
             }
         }
     }
 
-    /// The state as before the step. The action that was given stays, for those who look what it was.
+    /// The state as before the step. The action that was given stays, for those who look what it
+    /// was.
     fn go_back(&mut self) {
         self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
         self.progress.yp.copy_from_slice(&self.scratch);

@@ -1,5 +1,6 @@
-//! How well declared invariants hold: along the integration, the change of the value must be the integral of the rate. The rates are integrated
-//! beside the unknowns and take part in the error test, so that what is found is the model's fault and not that of a coarse integral.
+//! Drift of declared invariants: along the integration, the change of the value must be the
+//! integral of the rate. The rates are integrated beside the unknowns and take part in the error
+//! test, so that what is found is the model's fault and not that of a coarse integral.
 
 use super::Environment;
 use crate::setup::SetupError;
@@ -17,7 +18,8 @@ pub struct Drift {
 }
 
 impl Environment {
-    /// Evaluates the declared invariants along the integration from now on (slower, and with other steps).
+    /// Evaluates the declared invariants along the integration from now on (slower, and with other
+    /// steps).
     ///
     /// # Errors
     /// If the solver refuses its settings, which it has accepted before.

@@ -1,4 +1,4 @@
-//! What changes from step to step.
+//! Data that changes from step to step.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::observe::Readings;
 use crate::random::EpisodeKey;
 use crate::solver::{Carried, Edge};
 
-/// Where an instance is in its episode.
+/// Progress of an instance in its episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Phase {
     /// Before the first reset.
@@ -17,7 +17,8 @@ pub(super) enum Phase {
     Over,
 }
 
-/// All that changes from step to step, apart from the memory of the compiled model: what a snapshot holds.
+/// All that changes from step to step, apart from the memory of the compiled model: what a snapshot
+/// holds.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Progress {
     pub(super) key: EpisodeKey,
@@ -30,24 +31,25 @@ pub(super) struct Progress {
     pub(super) yp: Vec<f64>,
     pub(super) readings: Readings,
     pub(super) verdict: Verdict,
-    /// Which conditions of events hold.
+    /// Truth of the conditions of events.
     pub(super) edges: Vec<Edge>,
-    /// What the integrator takes along.
+    /// Data that the integrator carries along.
     pub(super) carried: Carried,
-    /// Time of the state where the last step ended before its end: at an event, or where it began if nothing was integrated.
+    /// Time of the state where the last step ended before its end: at an event, or where it began
+    /// if nothing was integrated.
     pub(super) event_time: Option<f64>,
     pub(super) chatter: Option<Chatter>,
     pub(super) not_finite: Option<NotFinite>,
 }
 
-/// What the last step ended in. (Encoded within [`Progress`] as if its fields stood there.)
+/// End of the last step. (Encoded within [`Progress`] as if its fields stood there.)
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Verdict {
     /// Rewards, failing ones already replaced.
     pub(super) rewards: Vec<f64>,
     /// Violations: the action box, declared failures, constraints.
     pub(super) violations: Vec<f64>,
-    /// Which declared failures hold.
+    /// Truth of the declared failures.
     pub(super) failing: Vec<bool>,
     /// Sum of the chosen reward over the episode.
     pub(super) sum: f64,
@@ -74,7 +76,8 @@ impl Verdict {
     }
 }
 
-/// When an event fired within the step, how long after the time before, and how many times in succession it came sooner.
+/// When an event fired within the step, how long after the time before, and how many times in
+/// succession it came sooner.
 #[derive(Clone, Copy)]
 pub(super) struct Firing {
     pub(super) time: f64,
@@ -117,7 +120,7 @@ pub(super) struct Replay {
 }
 
 impl Replay {
-    /// Which value belongs to the step after `steps` completed ones.
+    /// Index of the value for the step after `steps` completed ones.
     pub(super) fn row(&self, steps: u32) -> usize {
         steps.saturating_sub(self.first) as usize
     }

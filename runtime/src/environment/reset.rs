@@ -15,7 +15,7 @@ use crate::solver::{Carried, Edge, SolveError, Statistics, System};
 use crate::start::{self, Sought, StartError, StartFailure};
 use crate::steady::{self, SteadyError};
 
-/// Where an episode starts.
+/// Start of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
     /// Drawn by the model's distributions.
@@ -33,16 +33,17 @@ pub enum StateInput {
     /// As the start says.
     #[default]
     Start,
-    /// Some states by flattened name, and guesses of algebraic variables; the others as the start says.
+    /// Some states by flattened name, and guesses of algebraic variables; the others as the start
+    /// says.
     Named(BTreeMap<String, f64>),
     /// All states in declaration order.
     Array(Vec<f64>),
 }
 
-/// What can be given at a reset. What is given is what is simulated, neither clipped nor tested.
+/// Options of a reset. What is given is what is simulated, neither clipped nor tested.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResetOptions {
-    /// Where to start.
+    /// Start.
     pub start: Start,
     /// States.
     pub state: StateInput,
@@ -52,18 +53,21 @@ pub struct ResetOptions {
     pub parameters: BTreeMap<String, f64>,
     /// Recorded disturbances by name, one value a step.
     pub disturbances: BTreeMap<String, Vec<f64>>,
-    /// Those of them whose last value holds where the record has ended, in place of the error of a step beyond it.
+    /// Those of them whose last value holds where the record has ended, in place of the error of a
+    /// step beyond it.
     pub held: BTreeSet<String>,
     /// The last value of every one of them holds.
     pub hold_records: bool,
-    /// The episode goes on as it is expected to: random numbers of the steps are at their means, measurements without noise. A steady
-    /// state that nothing reads is not searched for.
+    /// The episode goes on as it is expected to: random numbers of the steps are at their means,
+    /// measurements without noise. A steady state that nothing reads is not searched for.
     pub expected: bool,
-    /// Steps that count as completed at the start: the clock begins there, and so do recorded disturbances.
+    /// Steps that count as completed at the start: the clock begins there, and so do recorded
+    /// disturbances.
     pub first_step: u32,
     /// Disturbances at the start by name, from which their rules go on.
     pub disturbed: BTreeMap<String, f64>,
-    /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the start if none.
+    /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the
+    /// start if none.
     pub disturbance_seed: Option<u64>,
 }
 
@@ -90,7 +94,7 @@ pub enum ResetError {
     /// A value is NaN or infinite.
     #[error("{what} must be finite")]
     NotFinite {
-        /// Which.
+        /// Name.
         what: String,
     },
     /// Somebody wanted the reset to stop, see [`crate::interrupt`].
@@ -101,13 +105,13 @@ pub enum ResetError {
     Phase {
         /// Number of phases.
         phases: usize,
-        /// What was given.
+        /// Given value.
         value: f64,
     },
     /// A recorded sequence without values.
     #[error("the recorded disturbance `{name}` has no values")]
     Empty {
-        /// Which.
+        /// Name.
         name: String,
     },
     /// The steady state of the episode's parameters was not found.
@@ -116,7 +120,7 @@ pub enum ResetError {
     /// The algebraic equations have no solution at the start.
     #[error("initial state: {message}")]
     Inconsistent {
-        /// What failed and where.
+        /// Failure and its place.
         message: String,
         /// The block of equations without a solution, and all that was tried.
         start: Option<Box<StartFailure>>,
@@ -127,7 +131,8 @@ impl Environment {
     /// Begins an episode: that of the seed, or the next one of the last seed.
     ///
     /// # Errors
-    /// Unknown names, wrong lengths, numbers that are none, no steady state, no consistent start. The instance then needs another reset.
+    /// Unknown names, wrong lengths, numbers that are none, no steady state, no consistent start.
+    /// The instance then needs another reset.
     pub fn reset(&mut self, seed: Option<u64>, options: &ResetOptions) -> Result<(), ResetError> {
         let key = seed.map_or(self.progress.next_key, EpisodeKey::seeded);
         self.progress.phase = Phase::New;
@@ -176,8 +181,8 @@ impl Environment {
         }
     }
 
-    /// Solves for the steady state unless it is that of the nominal parameters. The search always begins there, so that
-    /// the result does not depend on earlier episodes.
+    /// Solves for the steady state unless it is that of the nominal parameters. The search always
+    /// begins there, so that the result does not depend on earlier episodes.
     fn find_steady_state(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let start = options.start;
         let setup = &self.setup;
@@ -209,8 +214,9 @@ impl Environment {
         Ok(())
     }
 
-    /// States, discrete variables and what the algebraic equations make of them. Initial values that read algebraic unknowns are worked
-    /// out from their guesses first, and again from the solution, as often as one such value needs another.
+    /// States, discrete variables and what the algebraic equations make of them. Initial values
+    /// that read algebraic unknowns are worked out from their guesses first, and again from the
+    /// solution, as often as one such value needs another.
     fn initial_values(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         self.initial_inputs(options);
         self.initial_states(options)?;
@@ -343,7 +349,8 @@ impl Environment {
         self.set_builtin(Builtin::Begin, clock);
     }
 
-    /// Start values of states that read discrete variables or disturbances, once these have theirs, as often as one such value needs another.
+    /// Start values of states that read discrete variables or disturbances, once these have theirs,
+    /// as often as one such value needs another.
     fn settle_discretes(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         for passes_left in (0..self.setup.programs.discrete_passes).rev() {
             let first = self.setup.model().states();
@@ -474,7 +481,8 @@ impl Environment {
         self.solve_start(Sought { states: &states, conditions: &conditions }, "the conditions at the start have no solution")
     }
 
-    /// Solves for the algebraic unknowns and for what is `sought` block by block; `message` says what failed before.
+    /// Solves for the algebraic unknowns and for what is `sought` block by block; `message` says
+    /// what failed before.
     fn solve_start(&mut self, sought: Sought<'_>, message: &str) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
         let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: self.time() };
@@ -502,7 +510,8 @@ impl Environment {
         }
     }
 
-    /// Looks for another solution where algebraic variables are outside of their bounds, and refuses the start where none is found, if the model and not the caller chooses the states.
+    /// Looks for another solution where algebraic variables are outside of their bounds, and
+    /// refuses the start where none is found, if the model and not the caller chooses the states.
     fn refuse_outside(&mut self) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
         let Some(bounds) = self.system.bounds() else { return Ok(()) };

@@ -22,7 +22,7 @@ pub struct Snapshot {
     content: Content,
 }
 
-/// Where a snapshot was taken.
+/// Point of a snapshot.
 #[derive(Clone)]
 enum Origin {
     /// In this process.
@@ -31,7 +31,8 @@ enum Origin {
     Elsewhere(String, [u8; 32]),
 }
 
-/// All that an environment goes on from: what the integrator carries over from step to step is in `progress`.
+/// All that an environment goes on from: what the integrator carries over from step to step is in
+/// `progress`.
 #[derive(Clone, Serialize, Deserialize)]
 struct Content {
     memory: Vec<f64>,
@@ -74,7 +75,8 @@ impl Snapshot {
         Ok(bytes)
     }
 
-    /// The snapshot of [`to_bytes`](Self::to_bytes). Whether it fits an environment shows when it is restored.
+    /// The snapshot of [`to_bytes`](Self::to_bytes). Whether it fits an environment shows when it
+    /// is restored.
     ///
     /// # Errors
     /// If the bytes are anything else.
@@ -127,7 +129,8 @@ impl Environment {
     /// Returns to a point kept before: from there on every bit is the same.
     ///
     /// # Errors
-    /// When the snapshot is of another model (another text, scenario, variant, setting or observation level).
+    /// When the snapshot is of another model (another text, scenario, variant, setting or
+    /// observation level).
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         let same = matches!(&snapshot.origin, Origin::Here(setup) if Arc::ptr_eq(setup.model(), self.setup.model()));
         if !same {

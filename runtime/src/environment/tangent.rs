@@ -1,9 +1,12 @@
-//! A control step with its derivatives along directions: of states, actions, parameters, discrete variables and disturbances.
+//! A control step with its derivatives along directions: of states, actions, parameters, discrete
+//! variables and disturbances.
 //!
-//! The derivatives follow everything that a step does, in its order: the start of an episode, updates at the start, the equations
-//! ([`Augmented`]), events by their jump conditions, updates at the end, rewards and observations. With a condition g = 0 whose
-//! time moves by τ = −(dg along the direction) / (dg/dt), and rates f⁻ before and f⁺ after, S⁺ = D(S⁻ + f⁻ τ) − f⁺ τ, D being the derivative of what happens there
-//! (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.* 11 (1958) 243).
+//! The derivatives follow everything that a step does, in its order: the start of an episode,
+//! updates at the start, the equations ([`Augmented`]), events by their jump conditions, updates at
+//! the end, rewards and observations. With a condition g = 0 whose time moves by τ = −(dg along the
+//! direction) / (dg/dt), and rates f⁻ before and f⁺ after, S⁺ = D(S⁻ + f⁻ τ) − f⁺ τ, D being the
+//! derivative of what happens there (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.*
+//! 11 (1958) 243).
 
 mod events;
 mod space;
@@ -25,18 +28,20 @@ use crate::steady::Motion;
 use crate::system::CompiledSystem;
 use space::Space;
 
-/// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more than those of IDA (PenSim's 33 unknowns take it a quarter more).
+/// Unknowns up to which the explicit method is tried first, and its steps: more of them cost more
+/// than those of IDA (PenSim's 33 unknowns take it a quarter more).
 const SMALL: usize = 16;
 const FEW: u32 = 64;
 
 /// Numbers of directions, beside the present one, for which space is kept.
 const SPARE: usize = 3;
 
-/// Tolerances of derivatives, as a multiple of those of the unknowns: as many as this, but up to this relative tolerance at most.
+/// Tolerances of derivatives, as a multiple of those of the unknowns: as many as this, but up to
+/// this relative tolerance at most.
 const MOST_LOOSE: f64 = 100.0;
 const LOOSE_ENOUGH: f64 = 1e-6;
 
-/// What a derivative is taken by: a place of its family in the order of the inside (`Element::at`).
+/// Variable of a derivative: a place of its family in internal order (`Element::at`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// A state at the start.
@@ -65,7 +70,7 @@ pub enum FollowError {
     Interrupted,
 }
 
-/// What follows an instance with derivatives along a fixed number of directions.
+/// Derivatives of an instance along a fixed number of directions.
 pub struct Follower {
     engine: Engine,
     /// Directions that are integrated: the others move nothing in the equations.
@@ -73,7 +78,7 @@ pub struct Follower {
     /// Inputs that move, and which directions something moves in the equations.
     moving_inputs: Vec<Input>,
     moved: Vec<bool>,
-    /// What serves other numbers of directions, and how it is made.
+    /// Integrators for other numbers of directions, and their construction.
     spare: Vec<Engine>,
     settings: Settings,
     tangents: Tangents,
@@ -81,12 +86,13 @@ pub struct Follower {
     along: Tangents,
     /// Derivatives of the steady state by parameters.
     steady: Motion,
-    /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is taken by.
+    /// Directions in force, and what each derivative is multiplied with: a magnitude of what it is
+    /// taken by.
     directions: Vec<Direction>,
     scales: Vec<f64>,
     /// Derivatives of the integrals.
     integrals: Vec<f64>,
-    /// How the present beginning of the integration moves; empty if it does not.
+    /// Derivatives of the present start of the integration; empty if they are zero.
     moving: Vec<f64>,
     /// The integration has stopped at a threshold and waits for what the motion says.
     pending: bool,
@@ -96,7 +102,7 @@ pub struct Follower {
     space: Space,
 }
 
-/// What integrates a number of directions.
+/// Integrator for a number of directions.
 struct Engine {
     augmented: Augmented,
     integrator: Box<dyn Integrator>,
@@ -128,8 +134,8 @@ impl Follower {
         Self::with_settings(setup, width, Settings { method, ..setup.settings.clone() })
     }
 
-    /// The same by the explicit method, for models that it takes, in few steps: it gives up where equations are stiff. `None` for others, and where it would be
-    /// the method anyway.
+    /// The same by the explicit method, for models that it takes, in few steps: it gives up where
+    /// equations are stiff. `None` for others, and where it would be the method anyway.
     ///
     /// # Errors
     /// As for [`Follower::new`].
@@ -200,7 +206,7 @@ impl Follower {
         self.tangents.y(unknown, direction) / self.scales[direction]
     }
 
-    /// What its integrator did in the last step.
+    /// Work of its integrator in the last step.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
         self.engine.integrator.statistics()
@@ -220,8 +226,10 @@ fn settings(of_model: &Settings, width: usize) -> Settings {
 }
 
 impl Environment {
-    /// Begins an episode as [`reset`](Environment::reset) did with the same options and takes one step, with derivatives along `directions` (at most as many as the
-    /// follower has). The follower then knows the derivatives of the unknowns, [`Environment::reward_derivative`] and its like those of rewards and observations.
+    /// Begins an episode as [`reset`](Environment::reset) did with the same options and takes one
+    /// step, with derivatives along `directions` (at most as many as the follower has). The
+    /// follower then knows the derivatives of the unknowns, [`Environment::reward_derivative`] and
+    /// its like those of rewards and observations.
     ///
     /// # Errors
     /// A step that does not come to its end, or that has no derivative.
@@ -293,7 +301,8 @@ impl Environment {
         if self.system.model().unknowns() == self.system.model().states() { Ok(()) } else { self.follow_rates(follower, time, moving) }
     }
 
-    /// Derivatives of rates and algebraic unknowns from those of states and inputs: 0 = F_x S_x + F_w W + F_t τ + F_z S_z + F_x' S_x'.
+    /// Derivatives of rates and algebraic unknowns from those of states and inputs: 0 = F_x S_x +
+    /// F_w W + F_t τ + F_z S_z + F_x' S_x'.
     fn follow_rates(&mut self, follower: &mut Follower, time: f64, moving: &[f64]) -> Result<(), FollowError> {
         let (n, states) = (self.system.model().unknowns(), self.system.model().states());
         let width = follower.width();
@@ -329,7 +338,8 @@ impl Environment {
         if self.setup.programs.derivatives_at_end {
             self.follow_rates(follower, time, &[])?;
             let (n, states, width) = (self.system.model().unknowns(), self.system.model().states(), follower.live.len());
-            // Rates of algebraic unknowns are those of the integrator's polynomial, as their values are.
+            // Rates of algebraic unknowns are those of the integrator's polynomial, as their values
+            // are.
             for at in states..n {
                 (0..follower.width()).for_each(|j| follower.tangents.set_yp(at, j, 0.0));
                 for (place, &j) in follower.live.iter().enumerate() {
@@ -341,7 +351,8 @@ impl Environment {
         self.run_tangent(follower, Part::Finish, (time, &[]), outputs)
     }
 
-    /// Derivative of a reward (as declared) along a direction, after a step that was followed. A failing step's reward is that of the error, which nothing moves.
+    /// Derivative of a reward (as declared) along a direction, after a step that was followed. A
+    /// failing step's reward is that of the error, which nothing moves.
     #[must_use]
     pub fn reward_derivative(&self, follower: &Follower, reward: usize, direction: usize) -> f64 {
         if self.progress.verdict.last.is_none_or(|result| result.failure.is_some()) {
@@ -350,13 +361,14 @@ impl Environment {
         follower.finished(self.finish.start(finish::Part::Rewards) + reward, direction)
     }
 
-    /// Derivative of an observation along a direction: of what is measured at the end of the step, without noise, delay or clipping.
+    /// Derivative of an observation along a direction: of what is measured at the end of the step,
+    /// without noise, delay or clipping.
     #[must_use]
     pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
         follower.finished(self.finish.start(finish::Part::Observations) + observation, direction)
     }
 
-    /// What is measured at the end of the last step, without noise, delay or clipping.
+    /// Measurements at the end of the last step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn measured(&self) -> &[f64] {
         self.finish.part(finish::Part::Observations)

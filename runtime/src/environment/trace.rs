@@ -1,7 +1,9 @@
-//! What happens between sampling instants: values at points within each step, and the events, for pictures.
+//! Traces between sampling instants: values at points within each step, and the events, for
+//! pictures.
 //!
-//! An environment that is traced steps as any other, only that its integrator is asked for values on the way: its results agree with those of
-//! an untraced one to the tolerances, not to the bit. Whoever wants both steps two of them.
+//! An environment that is traced steps as any other, only that its integrator is asked for values
+//! on the way: its results agree with those of an untraced one to the tolerances, not to the bit.
+//! Whoever wants both steps two of them.
 
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
@@ -20,7 +22,7 @@ pub enum Followed {
     Discrete(usize),
 }
 
-/// What was followed since tracing began.
+/// Trace since tracing began.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
     followed: Vec<Followed>,
@@ -42,7 +44,7 @@ impl Environment {
         self.trace = Some(Box::new(Trace { followed, points: points.max(1), outputs: vec![0.0; width], ..Trace::default() }));
     }
 
-    /// What was followed; nothing is any more.
+    /// Returns the trace and ends tracing.
     pub fn take_trace(&mut self) -> Option<Trace> {
         self.trace.take().map(|trace| *trace)
     }

@@ -1,4 +1,4 @@
-//! What a step ended in: failures, successes, rewards, observations, in numbers and in words.
+//! End of a step: failures, successes, rewards, observations, as numbers and text.
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
@@ -40,7 +40,8 @@ impl Environment {
         result
     }
 
-    /// The first number that is none, of those that a step is judged by. Without an integration nothing has changed.
+    /// The first number that is none, of those that a step is judged by. Without an integration
+    /// nothing has changed.
     fn not_finite(&self, outcome: Outcome) -> Option<NotFinite> {
         if outcome == Outcome::NotRun || self.all_finite() {
             return None;
@@ -58,14 +59,16 @@ impl Environment {
             .or_else(|| infinite(Part::Observations).map(NotFinite::Observation))
     }
 
-    /// Returns `true` if there is nothing to look for: most steps, by sums of 0 * x, which are zero unless an entry is not finite.
+    /// Returns `true` if there is nothing to look for: most steps, by sums of 0 * x, which are zero
+    /// unless an entry is not finite.
     fn all_finite(&self) -> bool {
         let sum = |values: &[f64]| values.iter().map(|x| x * 0.0).sum::<f64>();
         let undefined = || self.integrator.undefined_event().is_some();
         sum(self.finish.all()) + sum(&self.progress.y) + sum(self.discretes()) == 0.0 && !undefined()
     }
 
-    /// A state or an algebraic variable that is not finite, or a discrete variable that is not a number.
+    /// A state or an algebraic variable that is not finite, or a discrete variable that is not a
+    /// number.
     pub(super) fn broken_variable(&self) -> Option<NotFinite> {
         let y = &self.progress.y;
         // The sum of 0 * x is zero unless an entry is not finite.
@@ -93,7 +96,8 @@ impl Environment {
         for (i, pair) in pairs.enumerate() {
             let failing = pair[0] == 1.0 || event == Some(i);
             self.progress.verdict.failing[i] = failing;
-            // An event stops at the limit itself, and a condition may fail with equality: a breach is never worth nothing.
+            // An event stops at the limit itself, and a condition may fail with equality: a breach
+            // is never worth nothing.
             self.progress.verdict.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { known(pair[1]) };
         }
         for (violation, &excess) in self.progress.verdict.violations[1 + count..].iter_mut().zip(self.finish.part(Part::Constraints)) {
@@ -148,14 +152,16 @@ impl Environment {
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }
 
-    /// Name of the success condition that ended the last step; `end` for the end of a batch of fixed length, empty where there was none.
+    /// Name of the success condition that ended the last step; `end` for the end of a batch of
+    /// fixed length, empty where there was none.
     #[must_use]
     pub fn success_name(&self) -> &str {
         let names = &self.setup.model().interface().finish.successes;
         self.progress.verdict.met.map_or("", |met| names.get(met as usize).map_or("end", String::as_str))
     }
 
-    /// Every failure of the last step in words, the deciding one first, each beginning with its identifier; empty when nothing failed.
+    /// Every failure of the last step in words, the deciding one first, each beginning with its
+    /// identifier; empty when nothing failed.
     pub fn failure_message(&mut self) -> String {
         if self.progress.verdict.last.is_none_or(|r| r.failure.is_none()) {
             return String::new();
@@ -179,8 +185,9 @@ impl Environment {
         parts.join("; ")
     }
 
-    /// Kind of the failure of the last step and, for declared failures, its name. If there are several, a cause that undid or cut the step
-    /// comes first: solver, events without end, event, not finite; then action box and the declared failures in their order.
+    /// Kind of the failure of the last step and, for declared failures, its name. If there are
+    /// several, a cause that undid or cut the step comes first: solver, events without end, event,
+    /// not finite. Then action box and the declared failures in their order.
     #[must_use]
     pub fn failure_cause(&self) -> (FailureKind, &str) {
         let verdict = &self.progress.verdict;

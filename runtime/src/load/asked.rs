@@ -1,4 +1,4 @@
-//! What a scenario and a call ask of the front end.
+//! Options of a scenario and a call for the front end.
 
 use smpl_compiler::elaborate::{Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
@@ -8,7 +8,7 @@ use smpl_dsl::syntax::{Statement, StatementKind};
 use super::LoadOptions;
 use crate::scenario::{Scenario, Value};
 
-/// What scenario and options ask of the front end; later ones win.
+/// Options of scenario and call for the front end; later ones override earlier ones.
 pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
     let mut out = Options { observation: options.observation.clone().or_else(|| scenario.observation.clone()), ..Options::default() };
     out.reward = options.reward.clone().or_else(|| scenario.reward.clone());
@@ -52,7 +52,8 @@ fn setting(name: &str, value: &Value) -> Result<Setting, Vec<Diagnostic>> {
     })
 }
 
-/// A distribution of a scenario is one expression of the language, which stands in a statement of our own and brings no other.
+/// A distribution of a scenario is one expression of the language, which stands in a statement of
+/// our own and brings no other.
 fn distribution(sources: &mut SourceMap, scenario: &Scenario, name: &str, value: &Value) -> Result<Statement, Box<Diagnostic>> {
     let text = format!("initial {name} ~ {value}");
     let file = sources.add("initial of the scenario", text.clone());

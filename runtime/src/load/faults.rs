@@ -1,4 +1,4 @@
-//! Where the faults of a scenario and of settings stand.
+//! Places of the faults of a scenario and of settings.
 
 use std::collections::BTreeSet;
 
@@ -16,8 +16,8 @@ pub(super) fn settings_as_text(sources: &mut SourceMap, options: &LoadOptions) -
     (!text.is_empty()).then(|| sources.add("settings", text))
 }
 
-/// The front end knows names and values of a scenario and of settings, but not where they stand: each fault is moved to the name in the
-/// scenario's file or in the settings, and said once.
+/// The front end knows names and values of a scenario and of settings, but not where they stand:
+/// each fault is moved to the name in the scenario's file or in the settings, and said once.
 pub(super) fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap, settings: Option<FileId>) {
     let mut said = BTreeSet::new();
     diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || said.insert(d.message.clone()));

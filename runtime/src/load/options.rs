@@ -1,4 +1,4 @@
-//! What of a scenario and of settings is not in the compiled model: the options of its environments.
+//! Options of environments from a scenario and settings, which the compiled model does not contain.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Where names stand in the text of a scenario.
+//! Places of names in the text of a scenario.
 
 use smpl_dsl::diagnostic::SourceMap;
 use smpl_dsl::span::{FileId, Span};
@@ -6,8 +6,8 @@ use smpl_dsl::span::{FileId, Span};
 use super::Scenario;
 
 impl Scenario {
-    /// Where a name stands in the scenario's file, or the key under which it stands in other characters (`"\u006b"`); `None` if neither does, or if there
-    /// is no file.
+    /// Place of a name in the scenario's file, or the key under which it stands in other characters
+    /// (`"\u006b"`); `None` if neither does, or if there is no file.
     #[must_use]
     pub fn place_of(&self, sources: &SourceMap, name: &str) -> Option<Span> {
         let file = self.file?;
@@ -28,7 +28,7 @@ impl Scenario {
         self.file.map(|file| Span { file, start: 0, end: 0 })
     }
 
-    /// Where a name stands under a key of the scenario, else where it stands at all.
+    /// Place of a name under a key of the scenario, else anywhere.
     #[must_use]
     pub(crate) fn place_under(&self, sources: &SourceMap, key: &str, name: &str) -> Span {
         let Some(file) = self.file else { return Span::default() };
@@ -36,7 +36,7 @@ impl Scenario {
     }
 }
 
-/// Where a name stands under a key of the file, else where it stands at all, else the key.
+/// Place of a name under a key of the file, else anywhere, else the key.
 pub(super) fn find_under(text: &str, key: &str, name: &str, file: FileId) -> Span {
     let Some(from) = section(text, key) else { return find_name(text, name, file) };
     let inside = find_name(&text[from..], name, file);
@@ -47,7 +47,7 @@ pub(super) fn find_under(text: &str, key: &str, name: &str, file: FileId) -> Spa
     if anywhere.end > anywhere.start { anywhere } else { Span { file, start: from as u32, end: (from + key.len()) as u32 } }
 }
 
-/// Where a key of the file begins.
+/// Start of a key of the file.
 fn section(text: &str, key: &str) -> Option<usize> {
     let begins = |line: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'));
     text.split_inclusive('\n')
@@ -56,7 +56,8 @@ fn section(text: &str, key: &str) -> Option<usize> {
         .map(|(at, _)| at)
 }
 
-/// The second place where a name is a key, from where its mapping begins (or from that place itself).
+/// The second place where a name is a key, from where its mapping begins (or from that place
+/// itself).
 pub(super) fn second_key(text: &str, name: &str, from: usize, file: FileId) -> Span {
     let is_key = |at: &usize| {
         let line = text[..*at].rfind('\n').map_or(0, |n| n + 1);
@@ -71,7 +72,7 @@ pub(super) fn second_key(text: &str, name: &str, from: usize, file: FileId) -> S
     at.map_or_else(|| find_name(text, name, file), |&at| Span { file, start: at as u32, end: (at + name.len()) as u32 })
 }
 
-/// Where a name stands in the text as a word of its own; the beginning if it does not.
+/// Place of a name as a separate word in the text; the beginning if it is missing.
 pub(super) fn find_name(text: &str, name: &str, file: FileId) -> Span {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let at = text.match_indices(name).map(|(at, _)| at).find(|&at| {

@@ -1,4 +1,4 @@
-//! How the values of a scenario are read: what is wrong keeps its place, and no mapping has a key twice.
+//! Reader of the values of a scenario: errors have places, and a mapping has no repeated keys.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,8 +1,8 @@
-//! What the YAML reader says of a value, in the words of scenarios.
+//! Messages of the YAML reader about a value, in the words of scenarios.
 
 use std::borrow::Cow;
 
-/// What the reader expects, and how it is called here.
+/// Expected kinds of the reader, and their names here.
 const EXPECTED: [(&str, &str); 10] = [
     ("struct File", "a mapping of keys with values"),
     ("struct SolverOverrides", "a mapping from solver settings to values"),
@@ -20,7 +20,7 @@ const EXPECTED: [(&str, &str); 10] = [
 /// Variants are read as one of two kinds, of which the reader says nothing more.
 const VARIANT: &str = "data did not match any variant of untagged enum VariantEntry";
 
-/// What it finds: `integer `3`` is 3.
+/// Found value: `integer `3`` is 3.
 const FOUND: [(&str, &str); 5] =
     [("sequence", "a list"), ("map", "a mapping"), ("unit value", "nothing"), ("Option value", "a value"), ("byte array", "bytes")];
 
@@ -30,7 +30,8 @@ const KINDS: [&str; 5] = ["boolean ", "integer ", "floating point ", "string ", 
 /// Longest text of a file that a message repeats, in bytes.
 const LONGEST: usize = 60;
 
-/// `noise: invalid type: integer 3, expected a mapping` as a sentence: "`noise` is a mapping, not 3".
+/// `noise: invalid type: integer 3, expected a mapping` as a sentence: "`noise` is a mapping, not
+/// 3".
 pub(super) fn sentence(message: &str) -> String {
     let (key, rest) = match message.split_once(": ") {
         Some((key, rest)) if key != "invalid type" && key != "invalid value" => (format!("`{}`", shortened(key)), rest),

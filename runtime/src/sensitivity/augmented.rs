@@ -1,7 +1,8 @@
 //! The equations of a model with those of its derivatives along directions.
 //!
-//! With F(t, y, y', w) = 0 the derivatives S of y along directions in which inputs w move by W obey F_y S + F_y' S' + F_w W = 0. F_y and F_y' are the
-//! compiled Jacobian, F_w W compiled derivatives by the inputs that move.
+//! With F(t, y, y', w) = 0 the derivatives S of y along directions in which inputs w move by W obey
+//! F_y S + F_y' S' + F_w W = 0. F_y and F_y' are the compiled Jacobian, F_w W compiled derivatives
+//! by the inputs that move.
 
 use std::sync::Arc;
 
@@ -18,7 +19,8 @@ use crate::system::CompiledSystem;
 /// An input, or a copy of it at another instant.
 pub(crate) type Input = (VarId, Flavour);
 
-/// A model and its derivatives: n unknowns, then n rows of as many derivatives as there are directions.
+/// A model and its derivatives: n unknowns, then n rows of as many derivatives as there are
+/// directions.
 pub(crate) struct Augmented {
     /// The model with its present inputs.
     pub system: CompiledSystem,
@@ -37,7 +39,7 @@ pub(crate) struct Augmented {
     seen: Vec<f64>,
 }
 
-/// What inputs that move add to the equations.
+/// Contributions of moving inputs to the equations.
 struct Inputs {
     compiled: Arc<ByInputs>,
     memory: Memory,
@@ -61,7 +63,7 @@ impl Inputs {
     }
 }
 
-/// What moves the integrands.
+/// Derivatives of the integrands.
 struct Integrals {
     compiled: Arc<Integrands>,
     memory: Memory,
@@ -151,7 +153,8 @@ impl Augmented {
         }
     }
 
-    /// Takes the inputs of an instance, of which some move, and their derivatives along those directions that are integrated.
+    /// Takes the inputs of an instance, of which some move, and their derivatives along those
+    /// directions that are integrated.
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated by them.
@@ -179,7 +182,8 @@ impl Augmented {
         Ok(())
     }
 
-    /// Writes whether the equations move each direction's derivatives, or an integral with them. Where they do not, derivatives of unknowns stay as they are.
+    /// Writes whether the equations move each direction's derivatives, or an integral with them.
+    /// Where they do not, derivatives of unknowns stay as they are.
     ///
     /// # Errors
     /// In words, if the equations cannot be differentiated.
@@ -252,7 +256,7 @@ impl Rows {
     }
 }
 
-/// What a product of a matrix by rows with a matrix of `width` columns begins with.
+/// Initial value of a product of a matrix by rows with a matrix of `width` columns.
 #[derive(Clone, Copy)]
 enum Beginning<'a> {
     Zero,

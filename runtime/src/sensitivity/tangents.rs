@@ -26,7 +26,8 @@ struct Chunk {
     out: Vec<Tangent>,
 }
 
-/// Where a program runs: time with its derivatives along the directions, unknowns, their derivatives by time.
+/// Point of a program: time with its derivatives along the directions, unknowns, their derivatives
+/// by time.
 #[derive(Clone, Copy)]
 pub(crate) struct Point<'a> {
     /// Time.
@@ -129,7 +130,8 @@ impl Tangents {
         self.chunks.iter_mut().for_each(|chunk| chunk.work[cells.clone()].fill(STILL));
     }
 
-    /// Keeps the present derivatives as those of another instant, as [`CompiledSystem::keep`] keeps values.
+    /// Keeps the present derivatives as those of another instant, as [`CompiledSystem::keep`] keeps
+    /// values.
     pub(crate) fn keep(&mut self, system: &CompiledSystem, instant: fn(FramePart) -> Region) {
         let layout = system.memory().layout();
         let parts =

@@ -1,4 +1,4 @@
-//! What can be chosen of an environment.
+//! Options of an environment.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use serde::Deserialize;
 use smpl_compiler::model::{LinearSolver, Method, Solver};
 
-/// What can be chosen when an environment is made; all else stands in the model.
+/// Options of a new environment; everything else is in the model.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentOptions {
     /// The reward that `step` returns; the model's default if `None`.
@@ -17,11 +17,13 @@ pub struct EnvironmentOptions {
     pub max_steps: Option<u32>,
     /// Parameters in their declared units; they override defaults and draws in every episode.
     pub parameters: BTreeMap<String, f64>,
-    /// Initial values of states and discrete variables; they override those of the model in every episode.
+    /// Initial values of states and discrete variables; they override those of the model in every
+    /// episode.
     pub initial: BTreeMap<String, f64>,
     /// Standard deviation of the noise of observations.
     pub noise: BTreeMap<String, f64>,
-    /// Recorded disturbances in place of drawn ones, one value a step; a single one holds throughout.
+    /// Recorded disturbances in place of drawn ones, one value a step; a single one holds
+    /// throughout.
     pub disturbances: BTreeMap<String, Vec<f64>>,
     /// Those of them whose last value holds from there on.
     pub held: BTreeSet<String>,
@@ -53,9 +55,9 @@ pub struct SolverOverrides {
     pub algebraic_error_control: Option<bool>,
     /// True if the integrals of rewards enter the error test.
     pub quadrature_error_control: Option<bool>,
-    /// What solves the linear systems of Newton's method.
+    /// Linear solver of Newton's method.
     pub linear_solver: Option<LinearSolver>,
-    /// What takes the steps.
+    /// Integration method.
     pub method: Option<Method>,
 }
 
@@ -80,7 +82,7 @@ impl SolverOverrides {
         }
     }
 
-    /// What is given, by the names of settings.
+    /// Given values, by the names of settings.
     pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
         let given = [
             ("rtol", self.rtol.is_some()),

@@ -1,4 +1,4 @@
-//! What the equations and programs of a model read.
+//! Values that the equations and programs of a model read.
 
 use std::collections::HashSet;
 
@@ -12,7 +12,8 @@ pub(super) fn finish_reads_derivatives(model: &CompiledModel) -> bool {
     reads_in(model.model(), values(&[&programs.finish, &programs.outputs]), Flavour::Derivative)
 }
 
-/// Returns `true` if an equation that determines an algebraic unknown reads a rate: the unknown is as right as the rate then, not as the states are.
+/// Returns `true` if an equation that determines an algebraic unknown reads a rate: the unknown is
+/// as right as the rate then, not as the states are.
 pub(super) fn algebraics_read_rates(model: &CompiledModel) -> bool {
     let model = model.model();
     let solved: HashSet<VarId> = model.interface.quantities.solved.iter().filter_map(|quantity| quantity.var).collect();
@@ -81,7 +82,8 @@ pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl F
     false
 }
 
-/// Number of elements whose initial value reads an algebraic unknown or a value at the start, and one pass that finds them settled.
+/// Number of elements whose initial value reads an algebraic unknown or a value at the start, and
+/// one pass that finds them settled.
 pub(super) fn start_passes(model: &CompiledModel) -> usize {
     let model = model.model();
     let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
@@ -92,7 +94,8 @@ pub(super) fn start_passes(model: &CompiledModel) -> usize {
     })
 }
 
-/// Number of states whose initial value reads a discrete variable or a disturbance, and one pass that finds them settled.
+/// Number of states whose initial value reads a discrete variable or a disturbance, and one pass
+/// that finds them settled.
 pub(super) fn discrete_passes(model: &CompiledModel) -> usize {
     let model = model.model();
     passes(model, &[&model.programs.initial_states], |expr| match expr {
@@ -101,7 +104,8 @@ pub(super) fn discrete_passes(model: &CompiledModel) -> usize {
     })
 }
 
-/// Number of elements whose value reads what has to settle, within reason, and one pass that finds them settled; 0 where none does.
+/// Number of elements whose value reads what has to settle, within reason, and one pass that finds
+/// them settled; 0 where none does.
 fn passes(model: &Model, programs: &[&Program], settles: impl Fn(&Expr) -> bool + Copy) -> usize {
     const MOST: usize = 50;
     let of_nest = |nest: &Nest| {

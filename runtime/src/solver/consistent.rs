@@ -30,7 +30,7 @@ const LAST_CORRECTION: f64 = 1e-3;
 const ROUNDING: f64 = 100.0 * f64::EPSILON;
 const MOST_ROUNDING: f64 = 0.1;
 
-/// A correction by factors of an earlier g_z, in tolerances, that is small; and the part of it that
+/// A correction by factors of an earlier g_z, in tolerances, that is small. The part of it that
 /// the next one may be: then they are as good as new.
 const SMALL_CORRECTION: f64 = 1.0;
 const CONTRACTION: f64 = 0.25;
@@ -208,7 +208,7 @@ impl Consistent {
     }
 
     /// Brings the algebraic unknowns of `y`, which are nearly consistent, to their equations by the
-    /// factors of the last g_z, and writes the residual there to `rates`; `off` is that before.
+    /// factors of the last g_z, and writes the residual there to `rates`. `off` is that before.
     /// False where the corrections do not fall as they would by the present g_z: nothing of `y`
     /// counts then. Where an advance ends, hardly anything is left; within it, what is below the
     /// last correction of Newton's method.

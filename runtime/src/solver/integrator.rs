@@ -53,7 +53,7 @@ pub struct Carried {
 
 /// A method that steps a [`System`] through time.
 ///
-/// An integrator is made for one system's dimension and pattern; the system itself is lent to it
+/// An integrator is made for one system's dimension and pattern. The system itself is lent to it
 /// call by call, so that inputs and parameters may be changed in between (followed by a
 /// [`restart`](Self::restart)).
 pub trait Integrator: Send {

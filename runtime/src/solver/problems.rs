@@ -307,7 +307,7 @@ pub fn tanks_in_series(tanks: usize) -> Problem {
 const SPECIES: usize = 4;
 
 /// A tubular reactor by upwind cells, A + B → C with heat of reaction: four unknowns a cell (A, B,
-/// C, temperature), one exponential a cell, all dimensionless; `inputs` are the inlet's temperature
+/// C, temperature), one exponential a cell, all dimensionless. `inputs` are the inlet's temperature
 /// and the wall's.
 pub fn tubular_reactor(cells: usize) -> Problem {
     let column = |unknown: usize| {

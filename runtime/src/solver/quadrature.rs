@@ -126,7 +126,7 @@ impl Integrals {
     }
 
     /// Root mean square of the change of the integrands from the beginning to another point, in
-    /// tolerances a unit of time; 0 if they are not part of the error test.
+    /// tolerances a unit of time. It is 0 if they are not part of the error test.
     pub(super) fn change(&mut self, bridge: &mut Bridge, t: f64, y: &Vector, yp: &Vector) -> Result<f64, i32> {
         let Some((rtol, _)) = self.checked else { return Ok(0.0) };
         bridge.integrands(t, y, yp, &mut self.there)?;

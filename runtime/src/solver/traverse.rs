@@ -368,8 +368,8 @@ pub(crate) trait Traverse {
     }
 
     /// Moves the state to the threshold of a switch, within tolerances of one unknown, if the
-    /// equations hold it there, as the levels of two vessels that have become equal; whether they
-    /// do. Otherwise the solution would be led across and back without end.
+    /// equations hold it there, as the levels of two vessels that have become equal. Returns
+    /// whether they do. Otherwise the solution would be led across and back without end.
     fn hold_tie(&mut self, switch: usize) -> Result<bool, SolveError> {
         let time = self.time();
         let explicit = self.is_explicit();

@@ -45,7 +45,7 @@ pub(crate) struct Content {
 /// Shared data of the vectors of an integrator: passes over numbers that can be merged or skipped.
 ///
 /// IDA's error test adds two vectors and asks for the norm of the sum, which is taken in the pass
-/// of the addition; and the norm of the corrections is known from Newton's method.
+/// of the addition. The norm of the corrections is known from Newton's method.
 #[derive(Default)]
 pub(crate) struct Shared {
     /// The present error weights, and how often they were set.

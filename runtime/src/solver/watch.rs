@@ -565,7 +565,7 @@ impl Watch {
     }
 
     /// Conditions where the integration has stopped. What moves over its threshold to within
-    /// rounding or `reach` times the motion to the values ahead has passed it; what the equations
+    /// rounding or `reach` times the motion to the values ahead has passed it. What the equations
     /// move the other way has not, whatever the polynomial says, unless they turn round at the
     /// threshold, where they have moved it by more than rounding. A strict condition waits for the
     /// motion after what happens here, but for that.

@@ -51,7 +51,8 @@ pub(super) struct Search<'s, 'p> {
     interrupted: bool,
     /// Places of the unknowns in `y`.
     places: Vec<usize>,
-    /// Row and column within the block of each entry of the problem's Jacobian, its place in `values`.
+    /// Row and column within the block of each entry of the problem's Jacobian, its place in
+    /// `values`.
     row_of: Vec<Option<usize>>,
     column_of: Vec<Option<usize>>,
     factorisation: Option<(Factorisation, Pattern)>,
@@ -84,7 +85,8 @@ impl<'s, 'p> Search<'s, 'p> {
         }
     }
 
-    /// Newton's method from the guess in `y`, once; whether it found a solution inside of the bounds.
+    /// Newton's method from the guess in `y`, once; whether it found a solution inside of the
+    /// bounds.
     pub(super) fn from_guess(&mut self, y: &mut [f64]) -> bool {
         matches!(newton(self, None, y), Ok(Try::Converged(_))) && self.problem.bounds.outside(&self.places, y).is_none()
     }
@@ -174,8 +176,8 @@ impl<'s, 'p> Search<'s, 'p> {
         false
     }
 
-    /// Moves the only unknown to the change of sign of its equation that is nearest to its guess, found on a grid between its bounds and halved; whether there
-    /// is one.
+    /// Moves the only unknown to the change of sign of its equation that is nearest to its guess,
+    /// found on a grid between its bounds and halved. Returns whether there is one.
     fn bracket(&mut self, bounds: &Bounds, y: &mut [f64]) -> bool {
         let at = self.places[0];
         let (low, high, guess) = (bounds.low[at], bounds.high[at], y[at]);
@@ -219,7 +221,8 @@ impl<'s, 'p> Search<'s, 'p> {
         self.places.iter().copied().find(|&at| room(at) <= 1e-3 * width(at))
     }
 
-    /// Newton homotopy: the equations less a part of what they are at the guess, which goes from one to zero.
+    /// Newton homotopy: the equations less a part of what they are at the guess, which goes from
+    /// one to zero.
     fn homotopy(&mut self, y: &mut [f64], trail: &mut Trail) -> bool {
         self.evaluate(y);
         let first = self.out.clone();
@@ -291,7 +294,8 @@ impl<'s, 'p> Search<'s, 'p> {
         }
     }
 
-    /// The Jacobian and the equations, columns by scales and rows by their largest entries; `None` where one is not finite.
+    /// The Jacobian and the equations, columns by scales and rows by their largest entries; `None`
+    /// where one is not finite.
     fn scaled(&mut self, y: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let n = self.places.len();
         let weights = self.row_weights(y);
@@ -319,7 +323,8 @@ impl<'s, 'p> Search<'s, 'p> {
         all.filter_map(|(row, column, value)| Some((self.row_of[row]?, self.column_of[column]?, value))).collect()
     }
 
-    /// The factorisation for a list of entries, made when first needed, and the place of each entry in its values.
+    /// The factorisation for a list of entries, made when first needed, and the place of each entry
+    /// in its values.
     fn place(&mut self, entries: &[(usize, usize, f64)]) -> Option<()> {
         let n = self.places.len();
         if self.factorisation.is_none() {

@@ -22,10 +22,10 @@ pub enum SteadyError {
         residual: f64,
         /// Its equation.
         equation: String,
-        /// What has come to the end of its bounds there.
+        /// Variables at their bounds there.
         aside: Option<AtBound>,
     },
-    /// What was found is outside of the declared bounds.
+    /// The solution exceeds the declared bounds.
     #[error(
         "no steady state was found inside of the declared bounds: {name} = {}{} is {} {}{}; give a better initial value, or other bounds",
         Short(*value), unit_suffix(unit), if *below { "below" } else { "above" }, Short(*bound), unit_suffix(unit)
@@ -62,7 +62,7 @@ pub enum SteadyError {
     /// A condition of the `steady` block cannot be used, or an equation cannot be differentiated.
     #[error("{message}")]
     Condition {
-        /// Why.
+        /// Reason.
         message: String,
     },
     /// Somebody wanted the search to stop, see [`crate::interrupt`].
@@ -96,7 +96,7 @@ impl fmt::Display for AtBound {
     }
 }
 
-/// What the equations leave free.
+/// Free unknowns of the equations.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Freedom {
     /// States whose values, all together, would determine the rest.
@@ -105,7 +105,8 @@ pub struct Freedom {
     pub sums: Vec<ConservedSum>,
     /// Algebraic variables that their own equations leave free.
     pub algebraics: Vec<String>,
-    /// Sums of states that change whatever the state of the model is: with these actions and parameters nothing rests.
+    /// Sums of states that change whatever the state of the model is: with these actions and
+    /// parameters nothing rests.
     pub drifts: Vec<Drift>,
     /// The actions that act on them.
     pub moved_by: Vec<String>,
@@ -226,7 +227,7 @@ impl Freedom {
         write!(f, "{} {} conserved", and(sums), if self.sums.len() == 1 { "is" } else { "are" })
     }
 
-    /// How the states, or the sums, are given.
+    /// Way to give the states or the sums.
     fn ways(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let fixed = |join: &str, before: &str, after: &str| {
             let entries: Vec<String> = self.states.iter().map(|name| format!("{before}{name}{after}")).collect();

@@ -1,4 +1,5 @@
-//! What equations read of other instants: at rest, the end of the step before, the start of the episode and the steady state are the point itself.
+//! Values of other instants in the equations: at rest, the end of the previous step, the start of
+//! the episode and the steady state are the point itself.
 
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use crate::system::CompiledSystem;
 
 /// The other instants.
 pub(super) const INSTANTS: [fn(Part) -> Region; 3] = [Region::Initial, Region::Previous, Region::Steady];
-/// What a frame holds.
+/// Content of a frame.
 const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
 
 /// Puts an instance to rest at a point: `initial(e)`, `previous(e)` and `steady(e)` are `e` there.

@@ -1,8 +1,10 @@
-//! What the equations at rest leave free: null spaces of the Jacobian.
+//! Free unknowns of the equations at rest: null spaces of the Jacobian.
 //!
-//! A vector of the right null space is a direction along which the states may be moved at rest; one of the left null space that is the same
-//! at every point is a sum whose rate no state changes: it is conserved where that rate is zero, and otherwise nothing rests. A state determines the rest if the
-//! Jacobian without its row and column is regular, which holds where neither null space is zero in it.
+//! A vector of the right null space is a direction along which the states may be moved at rest. One
+//! of the left null space that is the same at every point is a sum whose rate no state changes: it
+//! is conserved where that rate is zero, and otherwise nothing rests. A state determines the rest
+//! if the Jacobian without its row and column is regular, which holds where neither null space is
+//! zero in it.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,15 +21,17 @@ pub(super) const LARGE: usize = 500;
 const NONE: f64 = 1e-12;
 /// Entry of a null vector, relative to the largest, that counts as none.
 const SMALL: f64 = 1e-7;
-/// A sum of terms, relative to their sizes, that counts as none; a part of the largest of several numbers that does; a change within a step, relative to the
-/// values that it is one of.
+/// A sum of terms, relative to their sizes, that counts as none; a part of the largest of several
+/// numbers that does. A change within a step, relative to the values that it is one of.
 const NO_SUM: f64 = 1e-9;
 const NO_PART: f64 = 1e-12;
 const NO_CHANGE: f64 = 1e-13;
-/// Distances from the guess, relative to the scales, of the points at which the equations are looked at.
+/// Distances from the guess, relative to the scales, of the points at which the equations are
+/// looked at.
 const DISTANCES: [f64; 3] = [0.0, 0.013, 0.021];
 
-/// The Jacobian and the rates at a point, rows scaled to size 1, columns by the scales of the unknowns.
+/// The Jacobian and the rates at a point, rows scaled to size 1, columns by the scales of the
+/// unknowns.
 struct Sample {
     jacobian: DMatrix<f64>,
     rates: DVector<f64>,
@@ -41,7 +45,7 @@ struct Null {
     right: DMatrix<f64>,
 }
 
-/// What is free near `y`; `None` where everything is determined or there are too many unknowns to tell.
+/// Free unknowns near `y`; `None` if all are determined or there are too many unknowns.
 pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Option<Freedom> {
     if problem.free.is_empty() || problem.free.len() > LARGE || problem.has_actions() {
         return None;
@@ -220,7 +224,8 @@ fn same_everywhere(mut rows: DMatrix<f64>, samples: &[Sample]) -> DMatrix<f64> {
     rows
 }
 
-/// Sums of the rows of `terms` by each column of factors, a row for each column of `terms`; what rounding leaves is zero.
+/// Sums of the rows of `terms` by each column of factors, a row for each column of `terms`; what
+/// rounding leaves is zero.
 fn sum(terms: &DMatrix<f64>, factors: &DMatrix<f64>) -> DMatrix<f64> {
     let sizes = terms.abs().transpose() * factors.abs();
     (terms.transpose() * factors).zip_map(&sizes, |sum, size| if sum.abs() <= NO_SUM * size { 0.0 } else { sum })

@@ -1,4 +1,5 @@
-//! How the steady state moves with parameters: derivatives of the model's own steady problem at its solution, by the implicit function theorem.
+//! Derivatives of the steady state by parameters: derivatives of the model's own steady problem at
+//! its solution, by the implicit function theorem.
 
 use smpl_compiler::compiled::tangent;
 use smpl_compiler::layout::{Part, Region};
@@ -9,20 +10,24 @@ use crate::catalogue::{Catalogue, Element};
 use crate::sensitivity::tangents::{Point, Tangents};
 use crate::system::CompiledSystem;
 
-/// Change of a derivative of a discrete variable, relative to its size and the variable's scale, that counts as none.
+/// Change of a derivative of a discrete variable, relative to its size and the variable's scale,
+/// that counts as none.
 const SETTLED: f64 = 1e-12;
 
-/// Derivatives of the steady frame along directions, kept for as long as what they belong to is the same.
+/// Derivatives of the steady frame along directions, kept for as long as what they belong to is the
+/// same.
 #[derive(Default)]
 pub(crate) struct Motion {
     /// Parameters, their derivatives, and the steady state.
     of: Vec<f64>,
-    /// In the order of the workspace: for each of [`PARTS`] its numbers, for each number the directions.
+    /// In the order of the workspace: for each of [`PARTS`] its numbers, for each number the
+    /// directions.
     found: Vec<f64>,
 }
 
 impl Motion {
-    /// Writes the derivatives of the steady frame into `tangents`, which have those of the parameters.
+    /// Writes the derivatives of the steady frame into `tangents`, which have those of the
+    /// parameters.
     ///
     /// # Errors
     /// In words, if the steady state is none that has derivatives.
@@ -60,8 +65,9 @@ fn at_rest(system: &CompiledSystem) -> (CompiledSystem, Vec<f64>) {
     (there, y)
 }
 
-/// Derivatives of an instance at its steady state. What is held and the actions move as the `steady` block says, the unknowns as the equations ask for, and
-/// discrete variables as their initial values, which belong to the unknowns: as [`super::settle`] finds them.
+/// Derivatives of an instance at its steady state. What is held and the actions move as the
+/// `steady` block says, the unknowns as the equations ask for, and discrete variables as their
+/// initial values, which belong to the unknowns: as [`super::settle`] finds them.
 fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) -> Result<Tangents, String> {
     let (mut system, y) = at_rest(system);
     let (width, n, zero) = (parameters.width(), y.len(), vec![0.0; y.len()]);

@@ -1,4 +1,5 @@
-//! The search: damped Newton iterations and pseudo-transient continuation on the free rows and unknowns.
+//! The search: damped Newton iterations and pseudo-transient continuation on the free rows and
+//! unknowns.
 
 mod iterations;
 
@@ -25,7 +26,7 @@ pub(super) struct Search {
     interrupted: bool,
 }
 
-/// Where a search that failed came nearest to rest.
+/// Nearest approach to rest of a failed search.
 struct Nearest {
     outside: bool,
     /// Largest residual, relative to the scale of its unknown.
@@ -41,7 +42,7 @@ impl Default for Nearest {
     }
 }
 
-/// Where a try begins and how it goes on.
+/// Start and course of a try.
 #[derive(Clone, Copy)]
 enum Way {
     /// Newton's method from the guess.
@@ -92,7 +93,8 @@ impl Search {
                 break;
             }
             if matches!(way, Way::From(0)) {
-                // Neither the guess nor where the process leads from it: other guesses do not make more equations.
+                // Neither the guess nor where the process leads from it: other guesses do not make
+                // more equations.
                 if let Some(free) = freedom(&mut self.problem, system, catalogue, &guess) {
                     y.copy_from_slice(&guess);
                     return Err(SteadyError::Undetermined(free));
@@ -188,7 +190,7 @@ impl Search {
         }
     }
 
-    /// What is free near `y`; where that cannot be told, the unknown without a pivot.
+    /// Free unknowns near `y`; if unknown, the one without a pivot.
     fn undetermined(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64], unknown: Option<String>) -> SteadyError {
         let found = freedom(&mut self.problem, system, catalogue, y);
         let is_state = |name: &String| catalogue.states.find(name).is_some();
@@ -196,7 +198,8 @@ impl Search {
         SteadyError::Undetermined(found.unwrap_or(Freedom { states, algebraics, ..Freedom::default() }))
     }
 
-    /// Keeps where a try ended, if that is nearer to rest than what is kept: inside of the bounds first.
+    /// Keeps where a try ended, if that is nearer to rest than what is kept: inside of the bounds
+    /// first.
     fn look(&mut self, system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64], best: &mut Nearest) {
         let (size, row) = self.worst(system, y);
         let outside = !self.is_inside(y);
@@ -213,7 +216,8 @@ impl Search {
         sizes.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0))
     }
 
-    /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
+    /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot
+    /// is the error.
     fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
         self.interrupted |= self.pace.stops();
         if self.interrupted { Err(None) } else { self.problem.factorise(system, y, cj) }

@@ -11,39 +11,45 @@ use crate::solver::linear::Factorisation;
 use crate::solver::{LinearSolver, Pattern, SolveError, System};
 use crate::system::CompiledSystem;
 
-/// A solution that is larger than its right-hand side by this is that of a matrix that may be singular.
+/// A solution that is larger than its right-hand side by this is that of a matrix that may be
+/// singular.
 const SUSPICIOUS: f64 = 1e10;
 /// Correction, relative to the scales, of a point at rest: what a search leaves is far below it.
 const AT_REST: f64 = 1e-7;
 
-/// What is held in a problem, and what is found with the unknowns.
+/// Fixed values of a problem, and values found with the unknowns.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
     /// True if each place of `y` is held.
     pub fixed: &'a [bool],
     /// Numbers of the conditions that hold.
     pub conditions: &'a [usize],
-    /// Actions that are unknowns too, by their place in the region: as many as held places and conditions. All equations hold then.
+    /// Actions that are unknowns too, by their place in the region: as many as held places and
+    /// conditions. All equations hold then.
     pub actions: &'a [usize],
 }
 
-/// The problem without its fixed states, and working memory. Points are those of `y`, with free actions behind.
+/// The problem without its fixed states, and working memory. Points are those of `y`, with free
+/// actions behind.
 pub(super) struct Problem {
     /// Places of the free unknowns, in `y` and behind.
     pub free: Vec<usize>,
-    /// Places of the rows, as many; the conditions of a problem with free actions are behind those of the equations.
+    /// Places of the rows, as many; the conditions of a problem with free actions are behind those
+    /// of the equations.
     pub row_places: Vec<usize>,
     /// Places of free actions in their region.
     actions: Vec<usize>,
     /// Conditions, by number, and the row that each takes the place of.
     conditions: Vec<(usize, usize)>,
-    /// Place of each number of the conditions' derivatives, and of the derivatives by free actions, among the numbers behind the Jacobian's.
+    /// Place of each number of the conditions' derivatives, and of the derivatives by free actions,
+    /// among the numbers behind the Jacobian's.
     gradient: Vec<Option<usize>>,
-    /// What the equations read of other instants, which are the point itself.
+    /// Values of other instants in the equations, which are the point itself.
     frames: Option<Frames>,
     /// Entries of the reduced Jacobian to which values of the frames are added: entry, value.
     added: Vec<(usize, usize)>,
-    /// Places of the reduced Jacobian's entries among all entries; `None` where only frames have one.
+    /// Places of the reduced Jacobian's entries among all entries; `None` where only frames have
+    /// one.
     kept: Vec<Option<usize>>,
     pattern: Pattern,
     /// `None` where the reduced Jacobian has no pivots whatever its numbers are.
@@ -188,7 +194,8 @@ impl Problem {
         self.conditions.iter().map(|c| c.1)
     }
 
-    /// Returns `true` if a right-hand side gives a solution so large that the matrix of the last factorisation may be singular.
+    /// Returns `true` if a right-hand side gives a solution so large that the matrix of the last
+    /// factorisation may be singular.
     pub(super) fn looks_singular(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
         if self.factorise(system, y, 0.0).is_err() {
             return true;
@@ -212,7 +219,8 @@ impl Problem {
         entries.map(|(column, entry)| (self.pattern.rows()[entry], column, self.reduced[entry] * self.scales[self.free[column]]))
     }
 
-    /// The Jacobian with scaled columns and the rates at a point, in full; `None` where they are not finite.
+    /// The Jacobian with scaled columns and the rates at a point, in full; `None` where they are
+    /// not finite.
     pub(super) fn dense(&mut self, system: &mut CompiledSystem, y: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         self.evaluate(system, y);
         self.take_jacobian(system, y, 0.0);
@@ -267,7 +275,8 @@ impl Problem {
         }
     }
 
-    /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot is the error.
+    /// Factorises the Jacobian with the weight `cj` of the derivatives. The column without a pivot
+    /// is the error.
     pub(super) fn factorise(&mut self, system: &mut CompiledSystem, y: &[f64], cj: f64) -> Result<(), Option<usize>> {
         self.take_jacobian(system, y, cj);
         if self.reduced.iter().any(|v| !v.is_finite()) {
@@ -285,7 +294,8 @@ impl Problem {
         self.solve(out);
     }
 
-    /// Returns `true` if the present rows ask for no correction that counts; the last factorisation is one near the point.
+    /// Returns `true` if the present rows ask for no correction that counts; the last factorisation
+    /// is one near the point.
     pub(super) fn rests(&mut self, system: &mut CompiledSystem, y: &[f64]) -> bool {
         self.evaluate(system, y);
         let mut correction = vec![0.0; self.free.len()];
@@ -356,14 +366,15 @@ struct Slope {
     value: f64,
 }
 
-/// What a derivative is of.
+/// Function of a derivative.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     Condition(usize),
     Row(usize),
 }
 
-/// Derivatives of conditions by unknowns, and of conditions and equations by free actions, always in the same order.
+/// Derivatives of conditions by unknowns, and of conditions and equations by free actions, always
+/// in the same order.
 fn slopes(system: &mut CompiledSystem, (conditions, actions): (&[usize], &[usize]), y: &[f64]) -> Result<Vec<Slope>, SteadyError> {
     let n = system.model().unknowns();
     let y = &y[..n];

@@ -20,7 +20,8 @@ pub struct Inputs {
     pub steps: usize,
     /// The sequences, in the order of the columns.
     pub sequences: Vec<Vec<f64>>,
-    /// Name and step, from 1, of the first input that changes within a step, of which its mean is taken.
+    /// Name and step, from 1, of the first input that changes within a step, of which its mean is
+    /// taken.
     pub split: Option<(String, usize)>,
 }
 
@@ -32,7 +33,7 @@ pub enum DataError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
     /// It is no table.
@@ -42,7 +43,7 @@ pub enum DataError {
         path: PathBuf,
         /// Line.
         line: u64,
-        /// What is wrong.
+        /// Message.
         message: String,
     },
     /// A cell is no number.
@@ -165,7 +166,8 @@ impl RawTable {
         self.names.iter().position(|n| n == name)
     }
 
-    /// Refuses two columns of a name that is read; what is not read may stand there as often as it likes.
+    /// Refuses two columns of a name that is read; what is not read may stand there as often as it
+    /// likes.
     fn once<'n>(&self, names: impl Iterator<Item = &'n str>) -> Result<(), DataError> {
         let mut seen = HashMap::new();
         self.names.iter().for_each(|name| *seen.entry(name.as_str()).or_insert(0) += 1);
@@ -192,8 +194,9 @@ impl RawTable {
         }
     }
 
-    /// The rows of the steps. A column `step` counts them: where it begins with 0, as in the tables that are written, the first row is the
-    /// start, before any step. A first row without any of the values that are read is the start too.
+    /// The rows of the steps. A column `step` counts them: where it begins with 0, as in the tables
+    /// that are written, the first row is the start, before any step. A first row without any of
+    /// the values that are read is the start too.
     fn rows_of_steps(&self, columns: &[usize]) -> Result<Range<usize>, DataError> {
         self.once(["step"].into_iter())?;
         let rows = self.rows.len();
@@ -204,7 +207,8 @@ impl RawTable {
         if first == rows { Err(DataError::NoSteps { path: self.path.clone() }) } else { Ok(first..rows) }
     }
 
-    /// The first row of a step, where a column counts the steps: 0 at the start, else 1 in the first row, and one more in every further one.
+    /// The first row of a step, where a column counts the steps: 0 at the start, else 1 in the
+    /// first row, and one more in every further one.
     fn counted_from(&self, count: usize) -> Result<usize, DataError> {
         let first = self.number(0, count)?;
         let mut expected = if first == 0.0 { 0.0 } else { 1.0 };
@@ -229,7 +233,8 @@ impl RawTable {
         Ok(self.column("time").filter(|time| !columns.contains(time)))
     }
 
-    /// Inputs by the column `time`, or row by row where there is none, or where a column `step` counts the rows.
+    /// Inputs by the column `time`, or row by row where there is none, or where a column `step`
+    /// counts the rows.
     fn inputs(&self, columns: &[usize], clock: Clock) -> Result<Inputs, DataError> {
         let time = self.times(columns)?;
         let counted = self.column("step").filter(|count| !columns.contains(count));
@@ -254,7 +259,8 @@ impl RawTable {
         count.map_or(Ok(false), |count| Ok(self.number(0, count)? == 0.0))
     }
 
-    /// Refuses a time that is not within the step that the row counts: a step may end at an event, or where it began.
+    /// Refuses a time that is not within the step that the row counts: a step may end at an event,
+    /// or where it began.
     fn check_times(&self, time: usize, count: usize, clock: Clock) -> Result<(), DataError> {
         for (row, (line, _)) in self.rows.iter().enumerate() {
             let (found, step) = (self.number(row, time)?, self.number(row, count)?);
@@ -276,7 +282,8 @@ impl RawTable {
             [.., a, b] => b + (b - a),
             all => all[0] + clock.step,
         };
-        // As in the tables that are written, a value belongs to the interval that ends at its time unless the first row has one at the start.
+        // As in the tables that are written, a value belongs to the interval that ends at its time
+        // unless the first row has one at the start.
         let begins = times[0] <= SAME * clock.step && !self.is_blank(0, columns);
         let holds = if begins { Holds::After(end) } else { Holds::Before };
         let (mut sequences, mut split) = (Vec::new(), None);
@@ -325,7 +332,8 @@ impl RawTable {
     }
 }
 
-/// The line in which a quoted cell begins that does not end: the reader takes the rest of the file for its text.
+/// The line in which a quoted cell begins that does not end: the reader takes the rest of the file
+/// for its text.
 fn open_quote(path: &Path) -> Option<u64> {
     let bytes = std::fs::read(path).ok()?;
     let (mut open, mut line) = (None, 1);
@@ -356,8 +364,9 @@ fn fault(path: &Path, error: csv::Error) -> DataError {
     DataError::Malformed { path: path.to_owned(), line, message }
 }
 
-/// Actions of the steps 1, 2, ...: a sequence for each action in their order. With a column `time` and none that counts the steps, rows are taken by
-/// their times; else one after another, the start, step 0, and a first row without actions left out. Other columns are ignored.
+/// Actions of the steps 1, 2, ...: a sequence for each action in their order. With a column `time`
+/// and none that counts the steps, rows are taken by their times. Otherwise they follow one
+/// another; the start, step 0, and a first row without actions left out. Other columns are ignored.
 ///
 /// # Errors
 /// See [`DataError`].
@@ -384,8 +393,9 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
     }
 }
 
-/// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there must be one, taken as [`read_actions`] does; and the
-/// first one that changes within a step. The start, step 0, is skipped whatever stands there.
+/// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there
+/// must be one, taken as [`read_actions`] does. Returns also the first one that changes within a
+/// step. The start, step 0, is skipped whatever stands there.
 ///
 /// # Errors
 /// See [`DataError`].
@@ -414,8 +424,9 @@ pub struct Initial {
     pub discretes: Values,
 }
 
-/// Initial values by name: one row with a column for each, where empty cells are left out, or the table that `smpl steady --out` writes, with the columns
-/// `name` and `value`. Explicit algebraic variables follow from the others and are ignored.
+/// Initial values by name: one row with a column for each, where empty cells are left out, or the
+/// table that `smpl steady --out` writes, with the columns `name` and `value`. Explicit algebraic
+/// variables follow from the others and are ignored.
 ///
 /// # Errors
 /// See [`DataError`]; a name that the model does not have is one.
@@ -470,7 +481,8 @@ pub struct Columns {
     pub names: Vec<String>,
     /// One list a column: `true` and `false` as 1 and 0, what is no number as NaN.
     pub values: Vec<Vec<f64>>,
-    /// For each row what tells its run from others, where the table holds several: the columns before `step`, by name.
+    /// For each row what tells its run from others, where the table holds several: the columns
+    /// before `step`, by name.
     pub keys: Vec<String>,
 }
 

@@ -3,7 +3,7 @@
 //!
 //! [`Source`] is the text with what it imports. The page says first what the model is in numbers,
 //! then follows the text statement after statement ([`statements`]): declarations become tables,
-//! equations displays, components separate chapters; `# ---- Title ----` is a heading, other
+//! equations displays, components separate chapters. `# ---- Title ----` is a heading, other
 //! comments are prose. Variants and options that are not in force come after it, then every name as
 //! it is seen from outside ([`names`]).
 

@@ -1,6 +1,6 @@
 //! Models as text of other tools: `smpl export` and `smpl.export`.
 //!
-//! The compiler writes the text; what it needs of the runtime is the nominal point: parameters at
+//! The compiler writes the text. What it needs of the runtime is the nominal point: parameters at
 //! their means with the given ones in place, and the start of an episode that belongs to them.
 
 mod archive;

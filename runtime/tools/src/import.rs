@@ -1,7 +1,7 @@
 //! Models of other forms, turned into text of the language: `smpl import`.
 //!
 //! What is read is [SBML](https://sbml.org), Levels 2 and 3, the core. The XML is read into an SBML
-//! model in which no relevant part is passed over; every symbol gets its role (parameter, state,
+//! model in which no relevant part is passed over. Every symbol gets its role (parameter, state,
 //! discrete variable, named expression, algebraic variable); then the text is written. What cannot
 //! be carried is refused with its line.
 //!

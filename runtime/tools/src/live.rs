@@ -3,7 +3,7 @@
 //! A thread listens on 127.0.0.1. [`http`] lets through what the page itself asks for, by a secret
 //! in the address, and sends the page's own files ([`bundle`]). Each page has a [`connection`]: a
 //! WebSocket with messages of the language server and requests of the page. Requests that take time
-//! wait in [`jobs`], in which newer ones replace older ones; [`models`] keeps what was compiled, so
+//! wait in [`jobs`], in which newer ones replace older ones. [`models`] keeps what was compiled, so
 //! that a slider only runs a model again ([`run`]); [`folder`] is all that a page may read and
 //! write.
 

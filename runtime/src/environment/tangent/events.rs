@@ -10,7 +10,8 @@ use super::{Engine, Environment, FollowError, Follower};
 use crate::sensitivity::augmented::Augmented;
 use crate::solver::{Advance, System};
 
-/// Two times this near each other, in parts of the larger one, are one; both sides of a break are so many roundings from it: as in `solver::traverse`.
+/// Two times this near each other, in parts of the larger one, are one; both sides of a break are
+/// so many roundings from it: as in `solver::traverse`.
 const NEAR: f64 = 2e-12;
 const ROUNDINGS: f64 = 8.0;
 
@@ -20,7 +21,7 @@ const ASIDE: f64 = 1e-9;
 /// Relative difference of the motion of two events that are one.
 const TOGETHER: f64 = 1e-6;
 
-/// Where a piece of the integration goes.
+/// Extent of a piece of the integration.
 struct Stop {
     time: f64,
     /// Behind a break at its end, which moves as the space of the follower says.
@@ -78,7 +79,8 @@ impl Environment {
         Ok(())
     }
 
-    /// Leaves directions out that move nothing in the equations; those that are integrated already stay, but at the beginning of a step.
+    /// Leaves directions out that move nothing in the equations; those that are integrated already
+    /// stay, but at the beginning of a step.
     fn choose_live(&mut self, follower: &mut Follower, begins: bool) -> Result<(), FollowError> {
         let Follower { tangents, moving_inputs, moved, live, .. } = &mut *follower;
         self.system.model().find_inputs(|cells| tangents.is_active(cells), moving_inputs);
@@ -154,7 +156,7 @@ impl Environment {
         Ok(())
     }
 
-    /// What happens at an event between the beginning of the piece and the end of the interval.
+    /// Updates at an event between the beginning of the piece and the end of the interval.
     fn pass_event(&mut self, follower: &mut Follower, times: (f64, f64, f64)) -> Result<(), FollowError> {
         let mut fired = std::mem::take(&mut follower.space.fired);
         fired.clear();
@@ -241,7 +243,8 @@ impl Environment {
         Ok(())
     }
 
-    /// Adds `factor` times rates to the derivatives of the states, as far as the present time moves.
+    /// Adds `factor` times rates to the derivatives of the states, as far as the present time
+    /// moves.
     fn shift(&self, follower: &mut Follower, side: usize, factor: f64) {
         let Follower { moving, tangents, space, .. } = follower;
         for (j, &tau) in moving.iter().enumerate().filter(|(_, tau)| **tau != 0.0) {
@@ -314,7 +317,7 @@ impl Environment {
         Ok(())
     }
 
-    /// How the time of one condition moves along each direction.
+    /// Derivatives of the time of one condition along each direction.
     fn find_motion(&mut self, follower: &mut Follower, k: usize, t: f64) -> Result<(), FollowError> {
         let (roots, outputs) = (self.progress.edges.len(), self.system.model().watched().len());
         self.run_tangent(follower, Part::Roots, (t, &[]), outputs)?;

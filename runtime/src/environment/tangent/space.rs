@@ -17,7 +17,8 @@ pub(super) struct Space {
     /// Rates of the unknowns and integrands, before and behind.
     pub rates: [Vec<f64>; 2],
     pub integrands: [Vec<f64>; 2],
-    /// How the time of one condition moves along each direction, and that of the next break.
+    /// Derivatives of the time of one condition along each direction, and of that of the next
+    /// break.
     pub motion: Vec<f64>,
     pub next_break: Vec<f64>,
     /// Cells of parameters and directions with the derivatives.

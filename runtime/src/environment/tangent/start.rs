@@ -1,4 +1,4 @@
-//! Where derivatives begin: at a reset, and at the start of a step.
+//! Start of derivatives: at a reset, and at the start of a step.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,7 +11,8 @@ use crate::catalogue::{Element, Family};
 use crate::setup::Setup;
 
 impl Follower {
-    /// Takes directions, with a magnitude of what each is taken by, so that derivatives are of the size of the unknowns.
+    /// Takes directions, with a magnitude of what each is taken by, so that derivatives are of the
+    /// size of the unknowns.
     pub(super) fn choose(&mut self, setup: &Setup, parameters: &[f64], directions: &[Direction]) {
         let magnitude = |x: f64| if x.is_finite() && x > 0.0 { x } else { 1.0 };
         let element = |family: &Family, at: usize, value: fn(&Element) -> f64| {
@@ -38,8 +39,8 @@ impl Follower {
         Some((place(self.directions[number])?, self.scales[number]))
     }
 
-    /// Along a direction of a kind, what it is taken by moves by its magnitude. Along other directions it moves as it does: what is asked for beside them changes
-    /// none of them.
+    /// Along a direction of a kind, what it is taken by moves by its magnitude. Along other
+    /// directions it moves as it does: what is asked for beside them changes none of them.
     fn seed(&mut self, region: &Range<usize>, place: impl Fn(Direction) -> Option<usize>) {
         for direction in 0..self.directions.len() {
             if let Some((at, scale)) = self.of(direction, &place) {
@@ -91,8 +92,9 @@ impl Environment {
         let range = self.system.memory().layout().range(Region::Param);
         follower.seed(&range, parameter);
         self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0)?;
-        // By a parameter that is computed from others derivatives are taken as if it were given, but only by that one.
-        // Each run writes all columns: what is found is put in when the last has run.
+        // By a parameter that is computed from others derivatives are taken as if it were given,
+        // but only by that one. Each run writes all columns: what is found is put in when the last
+        // has run.
         follower.space.columns.clear();
         for direction in 0..follower.directions.len() {
             let Some((at, scale)) = follower.of(direction, parameter) else { continue };

@@ -3,7 +3,7 @@
 //!
 //! The unknowns of a flowsheet follow each other: cells down a reactor, units down a plant.
 //! Strongly connected components, taken in the order of the flow, make the Newton matrix block
-//! triangular; only the blocks on its diagonal are factorised, and what is before them is used as
+//! triangular. Only the blocks on its diagonal are factorised, and what is before them is used as
 //! it is (Duff, Erisman, Reid, *Direct Methods for Sparse Matrices*, 2nd ed., chapter 6). Small
 //! blocks are inverted, large ones factorised; then a
 //! [`Substitution`](super::substitution::Substitution) solves.

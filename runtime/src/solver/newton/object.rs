@@ -1,6 +1,6 @@
 //! Newton's method of a step, as IDA's own, in fewer passes over the vectors.
 //!
-//! IDA's implementation calls a vector operation for each addition, sign and copy; a correction
+//! IDA's implementation calls a vector operation for each addition, sign and copy. A correction
 //! takes some twenty streams of memory, and the systems of a control problem are so small, or
 //! memory so near, that these are a third of the time. Here an iteration is residual, solve, and
 //! one pass that corrects and measures. The convergence test is that of IDA (Hindmarsh et al.,
@@ -80,7 +80,7 @@ impl Step {
 }
 
 /// A solve. The bridge and the vectors are reached through their addresses, since IDA's setup comes
-/// back to them by its own callbacks; no reference to them lives across that, because
+/// back to them by its own callbacks. No reference to them lives across that, because
 /// [`set_up`](Self::set_up) takes the solve exclusively.
 struct Solve {
     bridge: Lent<Bridge>,

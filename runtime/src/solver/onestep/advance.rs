@@ -30,8 +30,8 @@ const TINY: f64 = 1e-9;
 /// The least bound of steps where a forcing turns, in roundings of time.
 const SHORTEST: f64 = 64.0;
 
-/// Tolerances by which algebraic unknowns may be off before they are brought to their equations;
-/// and the part of a control step below which steps are not repeated for that alone: what is still
+/// Tolerances by which algebraic unknowns may be off before they are brought to their equations.
+/// The part of a control step below which steps are not repeated for that alone: what is still
 /// off then jumps.
 const STRAY: f64 = 10.0;
 const SHORT: f64 = 1e-8;
@@ -235,7 +235,7 @@ impl Run<'_> {
     /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly
     /// implicit step meets by their slopes at its beginning alone, and the error test leaves out.
     /// Returns what that changes, in tolerances: the step times the change of the rates, or the
-    /// unknowns themselves, of which the polynomial is then as far off; not a number where there is
+    /// unknowns themselves, of which the polynomial is then as far off. NaN where there is
     /// no solution.
     fn close(&mut self, last: bool) -> f64 {
         let OneStep { frame, algebra, inside: [before, rates], longest_interval, .. } = &mut *self.one;

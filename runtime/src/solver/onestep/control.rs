@@ -44,7 +44,7 @@ fn root32(x: f64) -> f64 {
 }
 
 /// The first step for rates that amount to `speed` tolerances a unit of time and change by `change`
-/// of them in one, found by a look `ahead`; infinite for what rests (Hairer, Nørsett and Wanner,
+/// of them in one, found by a look `ahead`. Infinite for what rests (Hairer, Nørsett and Wanner,
 /// *Solving Ordinary Differential Equations I*, section II.4).
 pub(super) fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) -> f64 {
     let most = speed.max(change);

@@ -87,7 +87,7 @@ impl Explicit {
 
     /// Hairer's combination of the two estimates of the error. Where the step passes a kink, each
     /// of them is a difference of rates before and behind it, which vanishes for some of its
-    /// places; attempts of different lengths would find such a place, so that both have to be
+    /// places. Attempts of different lengths would find such a place, so that both have to be
     /// small, the one that is more exact by far.
     #[inline(always)]
     fn measure(&mut self, frame: &Frame) -> f64 {

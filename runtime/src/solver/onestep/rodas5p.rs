@@ -2,7 +2,7 @@
 //! embedded one of order 4 and a dense output of order 4, for systems of index 1.
 //!
 //! G. Steinebach, Construction of Rosenbrock–Wanner method Rodas5P and numerical benchmarks within
-//! the Julia Differential Equations package, *BIT Numer. Math.* 63 (2023) 27; in the form that
+//! the Julia Differential Equations package, *BIT Numer. Math.* 63 (2023) 27. In the form that
 //! needs no product with the Jacobian (Hairer and Wanner, *Solving Ordinary Differential Equations
 //! II*, 2nd edition (Springer, 1996), section IV.7): the stages U solve (M/(hγ) − J) Uᵢ = f(t + cᵢ
 //! h, y + Σ aᵢⱼ Uⱼ) + M Σ Cᵢⱼ Uⱼ / h + h dᵢ ∂f/∂t.

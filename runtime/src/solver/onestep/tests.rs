@@ -19,7 +19,7 @@ impl Tree {
         self.order() as f64 * self.0.iter().map(Tree::density).product::<f64>()
     }
 
-    /// For each stage, the elementary weight of the branches at a vertex; a vertex with one branch
+    /// For each stage, the elementary weight of the branches at a vertex. A vertex with one branch
     /// takes it by `single`, else each by `several` (Hairer and Wanner, *Solving Ordinary
     /// Differential Equations II*, section IV.7, theorem 7.3).
     fn stages(&self, single: &[Vec<f64>], several: &[Vec<f64>]) -> Vec<f64> {

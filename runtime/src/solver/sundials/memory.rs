@@ -35,8 +35,8 @@ pub(crate) enum Task {
 
 /// IDA's memory with all that it holds the address of.
 ///
-/// The callbacks work on the [`Bridge`] while one of IDA's functions runs; each of those takes the
-/// memory exclusively, so that no code else has a reference to the bridge then.
+/// The callbacks work on the [`Bridge`] while one of IDA's functions runs. Each of those takes the
+/// memory exclusively, so that no other code has a reference to the bridge then.
 pub(crate) struct Memory {
     inquiry: Inquiry,
     bridge: Kept<Bridge>,

@@ -2,7 +2,7 @@
 //! them out.
 //!
 //! The polynomial through the new point and the last k ones has the derivative `weight` S + Σ
-//! `rates`ᵢ Sᵢ at the new point; the one through the last k + 1 points predicts Σ `values`ᵢ Sᵢ
+//! `rates`ᵢ Sᵢ at the new point. The one through the last k + 1 points predicts Σ `values`ᵢ Sᵢ
 //! there (R. K. Brayton, F. G. Gustavson and G. D. Hachtel, *Proc. IEEE* 60 (1972) 98).
 
 use super::super::linear::columns::with_fma;

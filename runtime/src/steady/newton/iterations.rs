@@ -1,4 +1,4 @@
-//! How one try goes on: Newton's method, and the process followed in pseudo-time.
+//! Course of one try: Newton's method, and the process followed in pseudo-time.
 
 use super::Search;
 use crate::newton::{Equations, Try, apply, newton};
@@ -44,7 +44,8 @@ impl Search {
         newton(&mut AtRest { search: self, system }, bounds.as_ref(), y)
     }
 
-    /// Follows the process with growing steps of the linearised implicit Euler method until it hardly moves.
+    /// Follows the process with growing steps of the linearised implicit Euler method until it
+    /// hardly moves.
     pub(super) fn follow(&mut self, system: &mut CompiledSystem, y: &mut [f64]) -> u32 {
         let mut step = vec![0.0; self.problem.free.len()];
         let mut trial = y.to_vec();

@@ -119,7 +119,7 @@ fn split(list: &str, separator: char) -> Vec<String> {
 ///
 /// A name is that of a quantity (`T`, `R1.c`), of one of its numbers (`R1.c[tropine,3]`), of some
 /// of them (`R1.c[tropine,*]`), of a column (`obs.T`, `reward.yield`), of all of a role (`states`),
-/// or `all`; `profile:col.c` are curves over space, `T+T_c` share a panel.
+/// or `all`. `profile:col.c` are curves over space, `T+T_c` share a panel.
 ///
 /// # Errors
 /// See [`ShowError`].

@@ -92,7 +92,7 @@ struct Chunk {
 pub(super) struct Elimination {
     chunks: Box<[Chunk]>,
     /// For each chunk, of each of its numbers: the entry of the matrix, unless it is fill; both
-    /// factors of each term; the reciprocal of the pivot and the place, if it is of L; the place,
+    /// factors of each term. The reciprocal of the pivot and the place, if it is of L; the place,
     /// if it is a pivot.
     places: Box<[u32]>,
     /// Minus L, U and the reciprocals of the pivots, in the order of the chunks.

@@ -75,7 +75,7 @@ impl Cursor<'_> {
     #[inline(always)]
     pub(crate) unsafe fn invert<const N: usize, const L: usize>(&mut self, values: &[f64], factors: &mut [f64]) -> bool {
         // SAFETY: places and entries are those of the structure, whose lengths `values` and
-        // `factors` have by the contract; blocks are taken in the order in which the structure was
+        // `factors` have by the contract. Blocks are taken in the order in which the structure was
         // written, so that a next one with as many items is there.
         unsafe {
             let &(entries, columns) = self.counts.next().unwrap_unchecked();
