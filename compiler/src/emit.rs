@@ -16,8 +16,9 @@ use infix::Printer;
 /// Names of loop counters by depth.
 const COUNTERS: [&str; crate::ir::MAX_DEPTH] = ["i", "j", "k", "l", "m", "n"];
 
-/// The flat model: variables, equations as loops, root functions, quadratures, programs. What occurs several times is named `%n`;
-/// where it depends on the counters of sums it is a function of them, `%n(j)`.
+/// The flat model: variables, equations as loops, root functions, quadratures, programs. What
+/// occurs several times is named `%n`; where it depends on the counters of sums it is a function of
+/// them, `%n(j)`.
 #[must_use]
 pub fn ir(model: &Model) -> String {
     let mut text = String::new();
@@ -65,7 +66,7 @@ fn print_program(text: &mut String, model: &Model, name: &str, program: &Program
     }
 }
 
-/// Where a value goes, and how.
+/// Destination of a value.
 fn destination(model: &Model, Target { place, at }: Target) -> String {
     match place {
         Place::Out => format!("out[{}] :=", infix::affine(at)),

@@ -1,8 +1,10 @@
-//! Machine code by Cranelift: one function a staged program, position-independent, without relocations.
+//! Machine code by Cranelift: one function a staged program, position-independent, without
+//! relocations.
 //!
-//! [`schedule`](crate::schedule) decides what is computed in which loop; `body` walks the schedule and emits scalar code and loops; `wide` emits innermost
-//! loops two lanes at a time, with elementary functions taken out into array kernels over columns of working memory.
-//! Loops stay loops: the size of the code does not depend on extents.
+//! [`schedule`](crate::schedule) decides what is computed in which loop; `body` walks the schedule
+//! and emits scalar code and loops; `wide` emits innermost loops two lanes at a time, with
+//! elementary functions taken out into array kernels over columns of working memory. Loops stay
+//! loops: the size of the code does not depend on extents.
 
 mod arithmetic;
 mod body;
@@ -36,7 +38,7 @@ use crate::kernels::KernelTable;
 use crate::layout::Layout;
 use crate::schedule::{Access, ScheduleError, Staged, schedules};
 
-/// What compiled code calls and reads beside its arguments.
+/// Functions and data of compiled code in addition to its arguments.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct Surroundings {
@@ -48,7 +50,8 @@ pub(crate) struct Surroundings {
     pub lists: *const f64,
 }
 
-/// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace, output, surroundings.
+/// A compiled function: time, factor of derivatives, unknowns, their derivatives, workspace,
+/// output, surroundings.
 pub(crate) type CompiledFn = unsafe extern "C" fn(f64, f64, *mut f64, *const f64, *mut f64, *mut f64, *const Surroundings);
 
 /// Failures of code generation.
@@ -73,7 +76,7 @@ pub enum GenerateError {
     Relocations {
         /// The function.
         function: &'static str,
-        /// How many.
+        /// Count.
         count: usize,
     },
 }
@@ -83,8 +86,8 @@ pub enum GenerateError {
 pub(crate) enum Effort {
     /// For functions of the inner loop of the solver: optimised.
     Hot,
-    /// As hot, for long code whose values are spread over registers and memory before Cranelift sees them: there is nothing to move,
-    /// and equal values are one already.
+    /// As hot, for long code whose values are spread over registers and memory before Cranelift
+    /// sees them: there is nothing to move, and equal values are one already.
     Lean,
     /// For functions of a step: quickly compiled.
     Lukewarm,

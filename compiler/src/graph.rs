@@ -1,10 +1,11 @@
-//! Orders and strongly connected parts of directed graphs, by searches with explicit stacks: chains may be long.
+//! Orders and strongly connected parts of directed graphs, by searches with explicit stacks: chains
+//! may be long.
 
 use std::hash::Hash;
 
 use crate::ir::FastMap;
 
-/// What a depth-first search found.
+/// Result of a depth-first search.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order<K> {
     /// Everything reached, each after what it needs, but for what closes a cycle.
@@ -19,7 +20,7 @@ enum Visit {
     Done,
 }
 
-/// What the starts need, directly or not, in an order in which each follows what it needs.
+/// Nodes that the starts need, directly or not, in an order in which each follows its needs.
 pub(crate) fn after_needs<K: Copy + Eq + Hash>(starts: impl DoubleEndedIterator<Item = K>, mut needs: impl FnMut(K) -> Vec<K>) -> Order<K> {
     let mut out = Order { order: Vec::new(), closing: Vec::new() };
     let mut visits: FastMap<K, Visit> = FastMap::default();
@@ -49,8 +50,8 @@ pub(crate) fn after_needs<K: Copy + Eq + Hash>(starts: impl DoubleEndedIterator<
     out
 }
 
-/// The strongly connected parts of the graph in which node `i` leads to `next[i]`, each sorted, each after those that it leads to
-/// (Tarjan, SIAM J. Comput. 1 (1972) 146-160).
+/// The strongly connected parts of the graph in which node `i` leads to `next[i]`, each sorted,
+/// each after those that it leads to (Tarjan, SIAM J. Comput. 1 (1972) 146-160).
 #[must_use]
 pub fn connected(next: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut search = Search {
@@ -108,7 +109,8 @@ impl Search<'_> {
         self.on_path[at] = true;
     }
 
-    /// The first edge from `edge` on that leads to something new; those before it are taken into account.
+    /// The first edge from `edge` on that leads to something new; those before it are taken into
+    /// account.
     fn unseen(&mut self, at: usize, edge: usize) -> Option<usize> {
         (edge..self.next[at].len()).find(|&e| {
             let to = self.next[at][e];
@@ -159,7 +161,8 @@ mod tests {
 
     #[test]
     fn parts_are_the_classes_of_mutual_reach() {
-        // All graphs with four nodes: two nodes are in one part where each reaches the other (Warshall's closure).
+        // All graphs with four nodes: two nodes are in one part where each reaches the other
+        // (Warshall's closure).
         for bits in 0..1_u32 << 16 {
             let edge = |i: usize, j: usize| bits >> (4 * i + j) & 1 == 1;
             let mut reach: Vec<Vec<bool>> = (0..4).map(|i| (0..4).map(|j| i == j || edge(i, j)).collect()).collect();

@@ -1,9 +1,10 @@
 //! The checked model as JSON, both ways, in the form that `docs/schema/model-3.schema.json` fixes.
 //!
-//! Expressions are one list of nodes, operands before users: trees whose repeated parts are written once. Loops stay loops. What is written
-//! holds all that the back end needs: [`read`] gives the flat model that [`print`] was given, so that it compiles to the same functions and is
-//! written again as the same bytes. [`read`] believes nothing: whatever a text holds, it gives a model that the passes behind it can take, or an
-//! error that names the place.
+//! Expressions are one list of nodes, operands before users: trees whose repeated parts are written
+//! once. Loops stay loops. What is written holds all that the back end needs: [`read`] gives the
+//! flat model that [`print`] was given, so that it compiles to the same functions and is written
+//! again as the same bytes. [`read`] believes nothing: whatever a text holds, it gives a model that
+//! the passes behind it can take, or an error that names the place.
 
 mod bounds;
 mod cursor;
@@ -20,5 +21,5 @@ pub(crate) use write::print;
 /// Version of the form; what changes the meaning of a file counts it up.
 pub const VERSION: u32 = 3;
 
-/// What the field `format` says.
+/// Value of the field `format`.
 const FORMAT: &str = "smpl-model";

@@ -1,7 +1,8 @@
 //! Edits that make a diagnostic disappear, from its help.
 //!
-//! Candidates are read off the help and the place of a diagnostic. Each is tried: the edited text is checked, and a candidate is offered only
-//! if the diagnostic is gone and there are no more errors than before.
+//! Candidates are read off the help and the place of a diagnostic. Each is tried: the edited text
+//! is checked, and a candidate is offered only if the diagnostic is gone and there are no more
+//! errors than before.
 
 use std::path::{Path, PathBuf};
 
@@ -101,7 +102,7 @@ impl Maker<'_> {
         self.text.get(self.start()..self.end()).unwrap_or_default()
     }
 
-    /// Texts in back-ticks of the help, in place of the marked text, or where they belong.
+    /// Texts in back-ticks of the help, instead of the marked text, or where they belong.
     fn add_for_help(&mut self, d: &Diagnostic) {
         let help = d.help.clone().unwrap_or_default();
         if help.starts_with("remove it") || help.starts_with("use it, or take it away") || help.starts_with("keep one of the two") {

@@ -10,8 +10,9 @@
 //! | [`hover`], [`complete`], [`rename`], [`actions`], [`outline`], [`hints`], [`signature`], [`equations`] | one question each |
 //! | [`scenario`] | scenario files: keys that name symbols of a model |
 //!
-//! A [`program::Program`] is made of the syntax trees alone, within milliseconds, and answers everything except values and derived units.
-//! [`check::check`] compiles the text as far as the flat model; it can be cancelled when a newer text arrives.
+//! A [`program::Program`] is made of the syntax trees alone, within milliseconds, and answers
+//! everything except values and derived units. [`check::check`] compiles the text as far as the
+//! flat model; it can be cancelled when a newer text arrives.
 
 #![warn(unreachable_pub)]
 

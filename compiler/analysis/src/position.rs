@@ -115,7 +115,8 @@ mod tests {
 
     const TEXT: &str = "param T : °C = 5 \"a²😀b\"\r\nx\n";
 
-    /// Counted by hand: `°` and `²` have 2 bytes and 1 unit, the emoji 4 bytes and 2 units of UTF-16.
+    /// Counted by hand: `°` and `²` have 2 bytes and 1 unit, the emoji 4 bytes and 2 units of
+    /// UTF-16.
     #[test]
     fn positions_are_counted_in_the_negotiated_units() {
         let lines = Lines::new(TEXT);

@@ -11,7 +11,8 @@ use super::ArtefactError;
 pub struct Key([u8; blake3::KEY_LEN]);
 
 impl Key {
-    /// The key of this user at `$XDG_DATA_HOME/smpl/key` or `~/.local/share/smpl/key`, made when there is none.
+    /// The key of this user at `$XDG_DATA_HOME/smpl/key` or `~/.local/share/smpl/key`, made when
+    /// there is none.
     ///
     /// # Errors
     /// If no home is known, the file cannot be read or made, or others may read it.

@@ -1,4 +1,5 @@
-//! Functions that are compiled when they are first asked for: what sensitivities call at every step of the solver.
+//! Functions that are compiled when they are first asked for: what sensitivities call at every step
+//! of the solver.
 
 use std::sync::Arc;
 
@@ -18,9 +19,11 @@ pub(super) struct Native {
     _executable: Executable,
 }
 
-// SAFETY: the pointers go into the mapping that `_executable` owns, which nothing changes while this value lives.
+// SAFETY: the pointers go into the mapping that `_executable` owns, which nothing changes while
+// this value lives.
 unsafe impl Send for Native {}
-// SAFETY: through a shared reference the mapping is only read; the code writes to what its caller has exclusively.
+// SAFETY: through a shared reference the mapping is only read; the code writes to what its caller
+// has exclusively.
 unsafe impl Sync for Native {}
 
 impl Native {
@@ -39,7 +42,8 @@ impl Native {
         let bytes: Vec<&[u8]> = codes.iter().map(|c| c.bytes.as_slice()).collect();
         let executable = Executable::new(&bytes)?;
         let addresses = (0..codes.len()).filter_map(|piece| executable.address(piece));
-        // SAFETY: at the address begins code that was generated with this signature; it is mapped as long as `executable` lives beside it.
+        // SAFETY: at the address begins code that was generated with this signature; it is mapped
+        // as long as `executable` lives beside it.
         let pieces = addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect();
         Ok(Native { pieces, layout: Arc::new(Layout::new(&model.parts.model, columns)), len, _executable: executable })
     }
@@ -66,8 +70,9 @@ impl Native {
         let surroundings: &Surroundings = &model.surroundings;
         let work = memory.all_mut().as_mut_ptr();
         for code in &self.pieces {
-            // SAFETY: the code stays within the lengths that it was generated for, which are asserted above; it writes to the output and the
-            // workspace, which are borrowed exclusively, and to `y` never: no nest of such a staged program stores there.
+            // SAFETY: the code stays within the lengths that it was generated for, which are
+            // asserted above; it writes to the output and the workspace, which are borrowed
+            // exclusively, and to `y` never: no nest of such a staged program stores there.
             unsafe { code(t, 1.0, y.as_ptr().cast_mut(), yp.as_ptr(), work, out.as_mut_ptr(), surroundings) }
         }
     }

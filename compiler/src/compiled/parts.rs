@@ -1,4 +1,4 @@
-//! What the passes make of a model, before it is mapped.
+//! Results of the passes for a model, before it is mapped.
 
 use std::io;
 use std::time::Duration;
@@ -22,7 +22,7 @@ pub struct BackEndSettings {
     pub texts: bool,
 }
 
-/// What compiling took and gave.
+/// Times and sizes of a compilation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CompileStatistics {
     /// Time of differentiation and of the pattern.
@@ -68,14 +68,15 @@ pub enum BackEndError {
     },
 }
 
-/// What an artefact holds: all that the passes made; the rest follows from it at once.
+/// Content of an artefact: all results of the passes, from which the rest follows.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Parts {
     pub(crate) model: Model,
     pub(crate) pattern: Pattern,
     /// Position tables of all compiled functions.
     pub(crate) tables: Vec<u32>,
-    /// Pieces of the code of each function of [`Function::ALL`](crate::functions::Function::ALL), to be called one after another.
+    /// Pieces of the code of each function of [`Function::ALL`](crate::functions::Function::ALL),
+    /// to be called one after another.
     pub(crate) codes: Vec<Vec<Code>>,
     /// Fills the caches that depend on parameters; interpreted.
     pub(crate) prepare_parameters: Staged,
@@ -87,7 +88,7 @@ pub(crate) struct Parts {
     pub(crate) timed: bool,
     /// There are derivatives of the equations by time.
     pub(crate) has_slopes: bool,
-    /// What the integrator watches: events and switches.
+    /// Events and switches, which the integrator monitors.
     pub(crate) watched: Watched,
     pub(crate) statistics: CompileStatistics,
 }

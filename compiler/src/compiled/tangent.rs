@@ -1,7 +1,8 @@
 //! Derivatives along directions, for sensitivities of a control step.
 //!
-//! Programs (updates, rewards, root functions, ...) run on values with their derivatives, interpreted. What the solver asks for at every step is
-//! compiled when it is first asked for: the derivatives of the equations by inputs ([`CompiledModel::by_inputs`]).
+//! Programs (updates, rewards, root functions, ...) run on values with their derivatives,
+//! interpreted. What the solver asks for at every step is compiled when it is first asked for: the
+//! derivatives of the equations by inputs ([`CompiledModel::by_inputs`]).
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -17,14 +18,14 @@ use crate::layout::{Base, Memory};
 use crate::model::Model;
 use crate::schedule::{Access, Staged};
 
-/// What runs on values with derivatives.
+/// Programs that run on values with derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Computed parameters (in place).
     Parameters,
     /// Initial values of discrete variables and disturbances (in place).
     InitialDiscretes,
-    /// What the steady problem fixes, as [`CompiledModel::steady`] has it.
+    /// Fixed values of the steady problem, as in [`CompiledModel::steady`].
     Steady,
     /// Next values of the disturbances (in place).
     Disturb,
@@ -32,7 +33,7 @@ pub enum Part {
     Start,
     /// Updates at its end (in place).
     End,
-    /// What runs at an event, by the index of its program (in place).
+    /// Updates at an event, by the index of its program (in place).
     Event(u32),
     /// Rewards, observations and the rest of the `finish` program.
     Finish,
@@ -51,17 +52,19 @@ pub enum Part {
 /// Number of parts that have a place among the tapes.
 pub(super) const PARTS: usize = 9;
 
-/// Entries of a sparse matrix of derivatives in machine code: the row of each, and what it is a derivative by.
+/// Entries of a sparse matrix of derivatives in machine code: the row of each, and what it is a
+/// derivative by.
 pub struct Entries<By> {
     native: Native,
     places: Vec<(u32, By)>,
     sources: Vec<By>,
 }
 
-/// Derivatives of the equations by inputs, numbers in the workspace: actions, parameters, discrete variables, disturbances, and copies of any at other instants.
+/// Derivatives of the equations by inputs, numbers in the workspace: actions, parameters, discrete
+/// variables, disturbances, and copies of any at other instants.
 pub type ByInputs = Entries<u32>;
 
-/// What an integrand is differentiated by.
+/// Variables of the derivatives of an integrand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Source {
     /// An unknown.
@@ -81,7 +84,7 @@ type Inputs = Vec<(VarId, Flavour)>;
 /// Entries by inputs, made once for each list of them.
 type Known<By> = Mutex<FastMap<Inputs, Arc<Entries<By>>>>;
 
-/// What is made when it is first asked for.
+/// Data made at the first request.
 #[derive(Default)]
 pub(super) struct Later {
     tapes: [OnceLock<Result<Tape, BackEndError>>; PARTS],
@@ -169,7 +172,7 @@ impl CompiledModel {
         found.extend(held.iter().filter(|(_, cells)| active(cells.clone())).map(|&(input, _)| input));
     }
 
-    /// What the workspace holds of variables, without caches.
+    /// Variables of the workspace, without caches.
     fn held(&self) -> Vec<Held> {
         let model = &self.parts.model;
         let flavours = [Flavour::Value, Flavour::Initial, Flavour::Previous, Flavour::Steady];
@@ -281,7 +284,8 @@ impl CompiledModel {
 }
 
 impl<By> Entries<By> {
-    /// Row of each value, and what it is a derivative by; a pair may occur several times, its values are to be added.
+    /// Row of each value, and what it is a derivative by; a pair may occur several times, its
+    /// values are to be added.
     #[must_use]
     pub fn places(&self) -> &[(u32, By)] {
         &self.places

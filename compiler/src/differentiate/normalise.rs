@@ -1,9 +1,11 @@
-//! Rows before they are differentiated: each reduction with a counter of its own, short ones unrolled.
+//! Rows before they are differentiated: each reduction with a counter of its own, short ones
+//! unrolled.
 
 use super::{ColumnOf, DifferentiateError};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
 
-/// Reductions that are no sums are unrolled up to this many iterations to be differentiated; longer ones stay loops.
+/// Reductions that are no sums are unrolled up to this many iterations to be differentiated; longer
+/// ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
 /// Counters beside its own that the derivative of a long reduction needs.
 const TWINS: u8 = 2;
@@ -12,8 +14,9 @@ const SHORT_SUM: u32 = 8;
 /// Largest number of nodes of a sum that is unrolled.
 const SHORT_SUM_NODES: usize = 256;
 
-/// Brings the reductions of a row into the form that [`super::entries`] wants: each binds a counter that is free in its surroundings, short
-/// sums and other reductions over what depends on the columns are unrolled.
+/// Brings the reductions of a row into the form that [`super::entries`] wants: each binds a counter
+/// that is free in its surroundings, short sums and other reductions over what depends on the
+/// columns are unrolled.
 ///
 /// # Errors
 /// If loops nest too deeply or a reduction is too long to be unrolled.

@@ -20,7 +20,8 @@ impl Differentiator<'_, '_> {
         (twin, to)
     }
 
-    /// The derivative of the greatest (least) element; of several that are equal, the mean of theirs.
+    /// The derivative of the greatest (least) element; of several that are equal, the mean of
+    /// theirs.
     pub(super) fn extremum(&mut self, op: ReduceFn, (depth, extent): (LoopVar, u32), body: ExprId, terms: &Terms) -> Terms {
         let (second, over) = self.twin(body, depth, 2);
         let value = self.exprs.reduce(op, over, extent, second);

@@ -34,7 +34,8 @@ pub fn rows(model: &mut Model) -> Result<Vec<Rows>, DifferentiateError> {
     Ok(joined(&mut model.exprs, rows))
 }
 
-/// The rows with those at the ends of a loop, often split off where a boundary might differ, taken into the loop where they do not.
+/// The rows with those at the ends of a loop, often split off where a boundary might differ, taken
+/// into the loop where they do not.
 fn joined(exprs: &mut Exprs, rows: Vec<Rows>) -> Vec<Rows> {
     let mut out: Vec<Rows> = Vec::with_capacity(rows.len());
     for row in rows {

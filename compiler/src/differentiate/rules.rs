@@ -4,7 +4,8 @@ use super::terms::{Differentiator, Terms};
 use crate::ir::{BinaryFn, Compare, ExprId, Slope, UnaryFn, slope};
 
 impl Differentiator<'_, '_> {
-    /// Chain rule: the derivative of `f` at `a` times the terms of `a`; `value` is the node `f(a)` itself.
+    /// Chain rule: the derivative of `f` at `a` times the terms of `a`; `value` is the node `f(a)`
+    /// itself.
     pub(super) fn unary(&mut self, value: ExprId, f: UnaryFn, a: ExprId) -> Terms {
         let terms = self.of(a);
         if terms.is_empty() {

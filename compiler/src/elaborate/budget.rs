@@ -1,4 +1,4 @@
-//! How much a model may ask of the compiler.
+//! Limits of the work that a model may cause.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,7 +12,7 @@ const MAX_WRITTEN_OUT: u32 = 1_000_000;
 /// Most expressions that are elaborated in one model, those of attempts that fail included.
 const MAX_WORK: u32 = 20_000_000;
 
-/// What a report counts among the expressions: its words take longer than they do.
+/// Weight of a report in expressions: its text takes longer than they do.
 const REPORT: u32 = 50;
 
 /// Most nodes of the expressions of one model.
@@ -27,7 +27,7 @@ const MAX_MEMBERS: i64 = 2_000_000;
 /// Most numbers that are observed or stand in boxes: each has a name.
 const MAX_NAMED: usize = 1_000_000;
 
-/// What has been used up.
+/// Used work.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Budget {
     /// Expressions inside one another, definitions expanded.
@@ -40,7 +40,7 @@ pub(in crate::elaborate) struct Budget {
     written_out: u32,
     /// Expressions elaborated so far.
     work: u32,
-    /// Where that became too much: from there on nothing is elaborated or reported.
+    /// Place where the limit was exceeded: nothing is elaborated or reported from there on.
     exhausted: Option<Span>,
     /// Set when the result is no longer needed.
     pub(in crate::elaborate) cancelled: Option<Arc<AtomicBool>>,
@@ -62,8 +62,9 @@ pub(in crate::elaborate) fn is_spent(work: u32) -> bool {
 }
 
 impl Budget {
-    /// Counts something that is unrolled: a term, an element, a call. Refused where the model is beyond reason, once; in an `attempt` to
-    /// keep a loop the model is given up, since what is too much in one pass of a loop is too much without the loop as well.
+    /// Counts something that is unrolled: a term, an element, a call. Refused where the model is
+    /// beyond reason, once; in an `attempt` to keep a loop the model is given up, since what is too
+    /// much in one pass of a loop is too much without the loop as well.
     pub(in crate::elaborate) fn write_out(&mut self, span: Span, attempt: bool) -> Verdict {
         if self.exhausted.is_some() {
             return Verdict::Spent;
@@ -89,7 +90,8 @@ impl Budget {
         self.exhausted.get_or_insert(span);
     }
 
-    /// Returns `true` if one more expression may be elaborated, where there are so many nodes. What an attempt took is not given back.
+    /// Returns `true` if one more expression may be elaborated, where there are so many nodes. What
+    /// an attempt took is not given back.
     pub(in crate::elaborate) fn may_elaborate(&mut self, span: Span, nodes: usize) -> bool {
         self.work = self.work.saturating_add(1);
         let cancelled = || self.cancelled.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed));
@@ -144,7 +146,7 @@ impl Budget {
         self.written_out > MAX_WRITTEN_OUT || self.exhausted.is_some()
     }
 
-    /// What was unrolled so far.
+    /// Unrolled expressions so far.
     pub(in crate::elaborate) fn written_out(&self) -> u32 {
         self.written_out
     }
@@ -154,7 +156,7 @@ impl Budget {
         self.written_out = written_out;
     }
 
-    /// What to say at the end where the compiler gave up.
+    /// Final message where the compiler stopped.
     pub(in crate::elaborate) fn fault(&self) -> Option<Diagnostic> {
         let span = self.exhausted.filter(|_| self.written_out <= MAX_WRITTEN_OUT)?;
         let fault = Diagnostic::error(codes::TOO_LARGE, "the model is too large: it has tens of millions of terms", span);

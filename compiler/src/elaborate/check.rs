@@ -1,4 +1,4 @@
-//! What is wrong though nothing asks for it, and what is allowed but hardly meant.
+//! Checks of unused declarations, and lints.
 
 pub(in crate::elaborate) mod alternatives;
 pub(in crate::elaborate) mod derivative;

@@ -1,4 +1,5 @@
-//! Numbers that are known while the model is compiled: defaults of parameters, and what sizes and indices were made of.
+//! Numbers that are known while the model is compiled: defaults of parameters, and what sizes and
+//! indices were made of.
 
 use cranelift_entity::PrimaryMap;
 
@@ -7,7 +8,7 @@ use crate::interpret::eval_constant;
 use crate::ir::{Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Rewritten, Role, VarId};
 use crate::model::{Variable, Variate};
 
-/// What is known of parameters.
+/// Known values of parameters.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Constants {
     /// Numeric defaults, by element.
@@ -23,7 +24,8 @@ pub(in crate::elaborate) struct Constants {
 }
 
 impl Constants {
-    /// Returns `true` if the default of a parameter is to be worked out now: it was not begun before.
+    /// Returns `true` if the default of a parameter is to be worked out now: it was not begun
+    /// before.
     pub(in crate::elaborate) fn begin(&mut self, var: VarId) -> bool {
         !self.numbers.contains_key(&(var, 0)) && self.begun.insert(var)
     }
@@ -43,7 +45,8 @@ impl Constants {
         self.numbers.insert((var, element), x);
     }
 
-    /// Notes that sizes or indices were computed from parameters: they, and those that they need, keep their numbers.
+    /// Notes that sizes or indices were computed from parameters: they, and those that they need,
+    /// keep their numbers.
     pub(in crate::elaborate) fn mark_structural(&mut self, parameters: impl IntoIterator<Item = VarId>) {
         let mut stack: Vec<VarId> = parameters.into_iter().collect();
         while let Some(var) = stack.pop() {
@@ -58,7 +61,8 @@ impl Constants {
         self.structural.contains(&var)
     }
 
-    /// The number of an expression with what is known of the parameters, and means of random numbers.
+    /// The number of an expression with what is known of the parameters, and means of random
+    /// numbers.
     pub(in crate::elaborate) fn fold(
         &self,
         exprs: &mut Exprs,

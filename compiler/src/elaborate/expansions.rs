@@ -5,10 +5,11 @@ use super::lower::value::Value;
 use super::symbols::{SymbolId, Symbols};
 use crate::ir::{FastMap, FastSet};
 
-/// A `let` at what its indices are bound to, in a kind of text, and whether it is read for what it is or by how much it holds.
+/// A `let` at what its indices are bound to, in a kind of text, and whether it is read for what it
+/// is or by how much it holds.
 pub(in crate::elaborate) type Expansion = (SymbolId, Vec<IndexKey>, Site, Asked);
 
-/// What is asked of a definition.
+/// Request to a definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::elaborate) enum Asked {
     /// Its value.
@@ -17,7 +18,7 @@ pub(in crate::elaborate) enum Asked {
     Amount,
 }
 
-/// What is being expanded, and what was.
+/// Expansions in progress and done.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Expansions {
     /// Definitions that are being expanded, one inside another.

@@ -8,7 +8,8 @@ use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::ScopeId;
 use crate::ir::{FastMap, FastSet};
 
-/// Value of a parameter without one in a sample: many numbers divide it, and ranges up to it stay loops.
+/// Value of a parameter without one in a sample: many numbers divide it, and ranges up to it stay
+/// loops.
 pub(in crate::elaborate) const SAMPLE: f64 = 60.0;
 /// Most instances in the samples of a model.
 const MAX_SAMPLES: u32 = 500;
@@ -30,7 +31,7 @@ pub(in crate::elaborate) struct Instances<'a> {
     pub made: usize,
     /// Components that have an instance.
     pub used: FastSet<&'a str>,
-    /// Where the component of each instance is used.
+    /// Place of use of the component of each instance.
     pub used_at: FastMap<ScopeId, Span>,
     /// Arguments of instances.
     pub given: FastMap<(ScopeId, String), (&'a Expr, Place)>,

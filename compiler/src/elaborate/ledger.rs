@@ -1,4 +1,4 @@
-//! What was said, what was used up, and what may be taken back.
+//! Reports, used work, and data that may be undone.
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
 use smpl_dsl::span::Span;
@@ -8,12 +8,12 @@ use crate::elaborate::expansions::Expansions;
 use crate::elaborate::reports::Reports;
 use crate::elaborate::speculation::{Speculation, Trace};
 
-/// What every part of elaboration writes to.
+/// Output of every part of elaboration.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Ledger {
     /// Faults and warnings.
     pub reports: Reports,
-    /// What the model asked of the compiler.
+    /// Work that the model caused.
     pub budget: Budget,
     /// Attempts to keep ranges loops.
     pub speculation: Speculation,
@@ -27,7 +27,8 @@ impl Ledger {
         }
     }
 
-    /// Counts something that is unrolled: a term, an element, a call. `false` where the model is beyond reason, which is reported once.
+    /// Counts something that is unrolled: a term, an element, a call. `false` where the model is
+    /// beyond reason, which is reported once.
     pub(in crate::elaborate) fn may_write_out(&mut self, span: Span) -> bool {
         match self.budget.write_out(span, self.speculation.is_active()) {
             Verdict::Granted => true,
@@ -39,7 +40,8 @@ impl Ledger {
         }
     }
 
-    /// Counts numbers that get a name each, for observations and messages; `false` where they are beyond reason, which is reported.
+    /// Counts numbers that get a name each, for observations and messages; `false` where they are
+    /// beyond reason, which is reported.
     pub(in crate::elaborate) fn may_name(&mut self, numbers: usize, span: Span) -> bool {
         let may = self.budget.may_name(numbers);
         if !may {
@@ -64,7 +66,7 @@ impl Ledger {
         if self.reports.has_errors() { Err(self.reports.diagnostics) } else { Ok(self.reports.diagnostics) }
     }
 
-    /// What there is before something that may have to be forgotten.
+    /// State before an attempt that may be undone.
     pub(in crate::elaborate) fn trace(&self) -> Trace {
         self.speculation.trace(&self.reports, &self.budget)
     }

@@ -11,7 +11,8 @@ use crate::model::Quantity;
 /// A channel between an elaboration and an editor.
 #[derive(Clone, Debug, Default)]
 pub struct Observer {
-    /// Set by the editor when the result is no longer needed: the elaboration then ends with a fault.
+    /// Set by the editor when the result is no longer needed: the elaboration then ends with a
+    /// fault.
     pub cancelled: Arc<AtomicBool>,
     notes: Arc<Mutex<Notes>>,
 }

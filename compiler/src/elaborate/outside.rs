@@ -1,4 +1,5 @@
-//! What scenarios and settings say of the variables: parameters and initial values by name, whole arrays and their elements.
+//! Values of variables from scenarios and settings: parameters and initial values by name, whole
+//! arrays and their elements.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 
@@ -86,7 +87,7 @@ pub(in crate::elaborate) fn check_range(l: &mut Lowering<'_, '_>, symbol: Symbol
 }
 
 impl<'a> Symbols<'a> {
-    /// What else a name may stand for, and how that is given.
+    /// Other meaning of a name, and the way to give it.
     fn other_kind(&self, name: &str) -> Option<(&'static str, &'static str)> {
         let base = name.split('[').next().unwrap_or_default();
         let symbol = self.list.values().find(|s| s.path == name || s.path == base)?;
@@ -133,7 +134,7 @@ fn outside_bounds(quantity: &Quantity, i: usize, x: f64) -> String {
     format!("`{}` = {x} lies outside of its bounds {low}..{high}{unit}", quantity.element_name(i))
 }
 
-/// What there is, cut after some.
+/// Available names, cut after some.
 fn listing(known: &[&str]) -> String {
     match known.len() {
         0 => "the model has none".to_owned(),

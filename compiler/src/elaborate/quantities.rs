@@ -15,7 +15,8 @@ use crate::elaborate::symbols::{Axis, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId, Role, VarId};
 use crate::model::Quantity;
 
-/// Numbers of every declared variable: bounds, default, scale. Parameters come first, since others may depend on them.
+/// Numbers of every declared variable: bounds, default, scale. Parameters come first, since others
+/// may depend on them.
 pub(in crate::elaborate) fn declare_defaults(l: &mut Lowering<'_, '_>) {
     let symbols: Vec<(SymbolId, VarId)> = l
         .symbols
@@ -77,7 +78,8 @@ fn quantity(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Quantity {
     quantity
 }
 
-/// Reports a nonnegative state that cannot be one: of a unit with an offset, with an upper bound or a start below zero.
+/// Reports a nonnegative state that cannot be one: of a unit with an offset, with an upper bound or
+/// a start below zero.
 fn check_nonnegative(ledger: &mut Ledger, d: &Declaration, quantity: &Quantity) {
     let Some(word) = d.nonnegative else { return };
     let name = &d.name.text;

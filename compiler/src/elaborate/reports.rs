@@ -1,4 +1,4 @@
-//! What has been reported: each fault once, whoever meets it again.
+//! Reported faults, each once.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -28,14 +28,14 @@ pub(in crate::elaborate) struct Reports {
     reached_by: FastMap<Reported, BTreeSet<Span>>,
     /// Index names reported as not bound, by statement.
     unbound: FastSet<(Span, String)>,
-    /// What was added to `reported` and to `unbound` since the outermost attempt began.
+    /// Additions to `reported` and `unbound` since the outermost attempt began.
     recent: Vec<Reported>,
     recent_unbound: Vec<(Span, String)>,
     /// Names that were compared with unknown ones so far.
     compared: Cell<usize>,
 }
 
-/// How much there was before an attempt.
+/// Amount before an attempt.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::elaborate) struct Mark {
     diagnostics: usize,
@@ -49,8 +49,8 @@ impl Reports {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// Reports a fault once: the same fault at the same place, met again in another cell, instance or call, is not repeated. What is reported
-    /// in an `attempt` may be taken back.
+    /// Reports a fault once: the same fault at the same place, met again in another cell, instance
+    /// or call, is not repeated. What is reported in an `attempt` may be taken back.
     pub(in crate::elaborate) fn report(&mut self, diagnostic: Diagnostic, attempt: bool) {
         let call = self.calls.first().copied().filter(|c| !c.contains(diagnostic.primary.span));
         let key = reported(&diagnostic, call.is_some());
@@ -65,12 +65,14 @@ impl Reports {
         }
     }
 
-    /// Reports a fault of a name that was asked for. Several may share the place (none): they are told apart by their text.
+    /// Reports a fault of a name that was asked for. Several may share the place (none): they are
+    /// told apart by their text.
     pub(in crate::elaborate) fn scenario_fault(&mut self, name: &str, message: String, help: Option<String>) {
         self.diagnostics.push(scenario_fault(name, message, help));
     }
 
-    /// Returns `true` if an index name that is not bound is met for the first time in the present statement.
+    /// Returns `true` if an index name that is not bound is met for the first time in the present
+    /// statement.
     pub(in crate::elaborate) fn is_first_unbound(&mut self, name: &str, attempt: bool) -> bool {
         if self.statement == Span::default() {
             return true;
@@ -96,7 +98,8 @@ impl Reports {
         }
     }
 
-    /// Returns `true` if one more diagnostic would be shown, so that a search for what was meant is worth its time.
+    /// Returns `true` if one more diagnostic would be shown, so that a search for what was meant is
+    /// worth its time.
     pub(in crate::elaborate) fn may_suggest(&self) -> bool {
         self.diagnostics.has_room() && self.compared.get() < MAX_COMPARED
     }
@@ -107,7 +110,7 @@ impl Reports {
         if self.may_suggest() { did_you_mean(name, known.into_iter().inspect(count)) } else { None }
     }
 
-    /// How much there is.
+    /// Amount.
     pub(in crate::elaborate) fn mark(&self) -> Mark {
         Mark { diagnostics: self.diagnostics.len(), recent: self.recent.len(), unbound: self.recent_unbound.len() }
     }
@@ -135,7 +138,8 @@ impl Reports {
     }
 }
 
-/// What a reported fault is known by: in a function, where each call may have its own faults, the message belongs to it.
+/// Key of a reported fault: in a function, where each call may have its own faults, the message
+/// belongs to it.
 fn reported(diagnostic: &Diagnostic, in_call: bool) -> Reported {
     (diagnostic.code, diagnostic.primary.span, in_call.then(|| diagnostic.message.clone()))
 }

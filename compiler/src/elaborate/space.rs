@@ -1,7 +1,8 @@
 //! Space: grids, values at faces, fluxes, divergence.
 //!
-//! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is evaluated at a face; the divergence of a
-//! cell takes the fluxes of its two faces, weighted with their areas, over the cell's measure, so that sums over cells telescope.
+//! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is
+//! evaluated at a face; the divergence of a cell takes the fluxes of its two faces, weighted with
+//! their areas, over the cell's measure, so that sums over cells telescope.
 
 pub(in crate::elaborate) mod backwards;
 mod directions;
@@ -50,7 +51,8 @@ impl Values<'_> {
         self.exprs.add(l, step)
     }
 
-    /// Van Leer's limiter: the harmonic mean of both differences where they have one sign, else first order.
+    /// Van Leer's limiter: the harmonic mean of both differences where they have one sign, else
+    /// first order.
     fn limited(&mut self, ll: ExprId, l: ExprId, r: ExprId) -> ExprId {
         let (a, b) = (self.exprs.sub(l, ll), self.exprs.sub(r, l));
         let product = self.exprs.mul(a, b);
@@ -63,7 +65,8 @@ impl Values<'_> {
         self.exprs.add(l, step)
     }
 
-    /// A quotient by a length of the grid: its reciprocal is known before the solve, and a product takes a tenth of the time.
+    /// A quotient by a length of the grid: its reciprocal is known before the solve, and a product
+    /// takes a tenth of the time.
     fn over_fixed(&mut self, value: ExprId, length: ExprId) -> ExprId {
         let one = self.exprs.constant(1.0);
         let reciprocal = self.exprs.div(one, length);

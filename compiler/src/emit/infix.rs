@@ -7,7 +7,7 @@ use crate::model::Model;
 /// Longer parts get a name of their own.
 const LONGEST: usize = 100;
 
-/// How tightly an operation binds.
+/// Binding strength of an operation.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Tightness {
     Or,
@@ -20,8 +20,8 @@ enum Tightness {
     Atom,
 }
 
-/// Prints expressions; what is used several times is printed once, in `parts`. A part that depends on the counter of a sum is a
-/// function of it, `%7(j)`.
+/// Prints expressions; what is used several times is printed once, in `parts`. A part that depends
+/// on the counter of a sum is a function of it, `%7(j)`.
 pub(super) struct Printer<'m> {
     model: &'m Model,
     /// Loops around the expressions.

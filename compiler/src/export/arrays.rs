@@ -1,6 +1,8 @@
-//! Functions as operations on whole arrays: a nest of loops becomes one operation on all of its passes.
+//! Functions as operations on whole arrays: a nest of loops becomes one operation on all of its
+//! passes.
 //!
-//! A value has an axis for every loop counter that it depends on. The same node in nests of other extents is another value.
+//! A value has an axis for every loop counter that it depends on. The same node in nests of other
+//! extents is another value.
 
 use std::rc::Rc;
 
@@ -23,7 +25,7 @@ pub(super) struct Value {
     pub truth: bool,
 }
 
-/// How a value is computed.
+/// Computation of a value.
 #[derive(Clone, Debug)]
 pub(super) enum Op {
     Const(f64),
@@ -55,7 +57,7 @@ pub(super) enum Op {
     },
 }
 
-/// What a function does, in order.
+/// Operations of a function, in order.
 #[derive(Clone, Debug)]
 pub(super) enum Step {
     Define(Id),
@@ -77,7 +79,8 @@ pub(super) struct Arrays {
 }
 
 impl Arrays {
-    /// The operations of a function. Nests whose passes build on each other are written pass after pass.
+    /// The operations of a function. Nests whose passes build on each other are written pass after
+    /// pass.
     pub(super) fn new(sheet: &mut Sheet, function: &Function) -> Result<Arrays, ExportError> {
         let mut arrays = Arrays::default();
         for nest in &function.nests {

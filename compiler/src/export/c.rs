@@ -1,4 +1,5 @@
-//! C99: a header that documents itself and a source without dependencies but `<math.h>`; loops stay loops.
+//! C99: a header that documents itself and a source without dependencies but `<math.h>`; loops stay
+//! loops.
 
 use std::fmt::Write as _;
 
@@ -60,7 +61,7 @@ pub(super) fn identifier(name: &str) -> String {
 struct File<'a> {
     sheet: &'a Sheet,
     prefix: &'a str,
-    /// What the header is called.
+    /// Name of the header.
     stem: &'a str,
     origin: &'a Origin<'a>,
     pattern: &'a Pattern,
@@ -238,7 +239,7 @@ fn comment(text: &str) -> String {
     text.replace("*/", "* /").replace("/*", "/ *").replace(['\n', '\\'], " ")
 }
 
-/// What a body may call.
+/// Functions that a body may call.
 const HELPERS: [(&str, &str); 5] = [
     ("min", "static double NAME_min(double x, double y)\n{\n    return isnan(x) || x < y ? x : y;\n}\n\n"),
     ("max", "static double NAME_max(double x, double y)\n{\n    return isnan(x) || x > y ? x : y;\n}\n\n"),

@@ -7,7 +7,8 @@ use super::python::{Library, defined};
 use super::{ExportError, Nominal, Origin};
 use crate::model::Model;
 
-/// Models whose functions compute fewer numbers are built of scalars: these run faster than operations on short vectors.
+/// Models whose functions compute fewer numbers are built of scalars: these run faster than
+/// operations on short vectors.
 const LARGEST_OF_SCALARS: usize = 6000;
 
 /// The text of the module.

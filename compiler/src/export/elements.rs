@@ -21,15 +21,16 @@ pub struct Element {
     pub scale: f64,
     /// Value at the nominal point.
     pub nominal: f64,
-    /// The model was shaped by its value, which is part of the export: another one needs another export.
+    /// The model was shaped by its value, which is part of the export: another one needs another
+    /// export.
     pub structural: bool,
-    /// Where it is kept; `None` for what is no variable of its own.
+    /// Place; `None` without a separate variable.
     pub place: Option<(VarId, u32)>,
 }
 
 /// A point of a model: what exports give as nominal values.
 pub struct Nominal<'a> {
-    /// Where everything lies.
+    /// Places of all parts.
     pub layout: &'a Layout,
     /// The unknowns.
     pub y: &'a [f64],

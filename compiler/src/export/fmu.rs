@@ -1,7 +1,8 @@
-//! A model as a Functional Mock-up Unit of FMI 3.0: its description, and sources that hold the model, an integrator and the interface.
+//! A model as a Functional Mock-up Unit of FMI 3.0: its description, and sources that hold the
+//! model, an integrator and the interface.
 //!
-//! The sources are those of the C export, with derivatives for directional derivatives, and files of C that are the same for every model
-//! (`fmu/sources`), which read tables that are written here.
+//! The sources are those of the C export, with derivatives for directional derivatives, and files
+//! of C that are the same for every model (`fmu/sources`), which read tables that are written here.
 
 mod description;
 mod order;
@@ -18,7 +19,7 @@ use crate::explicit_time;
 use crate::ir::{Flavour, Role};
 use crate::model::Model;
 
-/// How the model is simulated, as the environment does it.
+/// Settings of the simulation, as in the environment.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Relative tolerance of the integrator.
@@ -66,7 +67,7 @@ struct Parts<'a> {
     variables: &'a variables::Variables,
     partials: &'a partials::Partials,
     order: &'a [u32],
-    /// What of it reads the steady state, which is that of the exported parameters.
+    /// Parts that read the steady state, which is that of the exported parameters.
     steady: &'a [String],
     /// Time occurs in the equations.
     timed: bool,
@@ -112,7 +113,7 @@ pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>,
 /// Stands for the token until it is known.
 const TOKEN: &str = "@TOKEN@";
 
-/// What tells one FMU from others: a hash of all that it holds.
+/// Identifier of an FMU: a hash of its content.
 fn token(description: &str, sources: &[(String, String)]) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(description.as_bytes());
@@ -123,13 +124,14 @@ fn token(description: &str, sources: &[(String, String)]) -> String {
     format!("{{{}}}", &hex[..32])
 }
 
-/// Returns `true` if an FMU calls a function. It has start values in place of the programs that compute them.
+/// Returns `true` if an FMU calls a function. It has start values in place of the programs that
+/// compute them.
 fn is_carried(function: &Function) -> bool {
     let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes", "initial_states", "initial_discretes"];
     !left_out.contains(&function.name.as_str()) && !function.name.starts_with("policy_")
 }
 
-/// What would be a wrong number in an FMU.
+/// Parts that would be wrong numbers in an FMU.
 fn refuse(sheet: &Sheet) -> Result<(), ExportError> {
     for function in sheet.functions.iter().filter(|f| is_carried(f)) {
         for (var, flavour) in sheet.loads(function) {

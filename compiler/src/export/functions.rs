@@ -79,7 +79,8 @@ fn within(nest: &Nest, range: std::ops::Range<u32>) -> Option<Nest> {
     (!nest.stores.is_empty()).then_some(nest)
 }
 
-/// Outputs, root functions, integrands, invariants, boxes, policies, conditions on the steady state.
+/// Outputs, root functions, integrands, invariants, boxes, policies, conditions on the steady
+/// state.
 fn values(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     let model = &sheet.model;
     let (i, p) = (&model.interface, &model.programs);
@@ -151,7 +152,7 @@ fn finish(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     Ok(functions)
 }
 
-/// What a nest stores in a range, counted from its start; single passes where only some lie in it.
+/// Stores of a nest in a range, counted from its start; single iterations if only some are in it.
 pub(super) fn cut(exprs: &mut Exprs, nest: &Nest, range: &std::ops::Range<u32>) -> Vec<Nest> {
     let mut whole = within(nest, range.clone()).into_iter().collect::<Vec<_>>();
     for store in &nest.stores {
@@ -178,7 +179,7 @@ pub(super) fn at_pass(exprs: &mut Exprs, value: ExprId, loops: &Loops, counters:
     loops.iter().fold(value, |value, &(d, _)| exprs.shift(value, LoopVar(d), counters[d as usize]))
 }
 
-/// What runs at instants of an episode: changes `y` and `p` in place.
+/// Updates at instants of an episode, which change `y` and `p` in place.
 fn updates(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     let p = sheet.model.programs.clone();
     let mut list: Vec<(String, String, &Program)> = vec![
@@ -245,7 +246,8 @@ pub(super) fn spread(all: &Loops, some: &Loops, positions: &[u32]) -> Vec<u32> {
     places(all, |counters| positions[index.at(counters) as usize])
 }
 
-/// Returns `true` if what an update stores is what another pass of the same nest reads: then its passes are no array operation.
+/// Returns `true` if what an update stores is what another pass of the same nest reads: then its
+/// passes are no array operation.
 pub(super) fn is_sequential(sheet: &Sheet, nest: &Nest) -> bool {
     let stored: Vec<Array> = nest.stores.iter().filter_map(|s| s.array).collect();
     let mut sequential = nest.stores.iter().any(|s| {

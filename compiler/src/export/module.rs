@@ -1,4 +1,4 @@
-//! What Python modules for CasADi and for JAX have in common: tables, signatures, functions.
+//! Common parts of Python modules for CasADi and JAX: tables, signatures, functions.
 
 use std::fmt::Write as _;
 
@@ -16,7 +16,7 @@ pub(super) struct Module {
     pub lists: Lists,
     /// Definitions of the functions.
     pub text: String,
-    /// What was defined.
+    /// Defined functions.
     pub made: Vec<Made>,
     /// Numbers that the largest function computes.
     pub size: usize,
@@ -65,7 +65,8 @@ impl Module {
         Ok(())
     }
 
-    /// The arguments of a function: time (JAX), rates, states, algebraic variables, actions, parameters, context.
+    /// The arguments of a function: time (JAX), rates, states, algebraic variables, actions,
+    /// parameters, context.
     fn arguments(&self, function: &Function) -> Vec<&'static str> {
         let explicit = self.sheet.model.explicit;
         let rates = function.name == "residual" || !explicit && self.sheet.uses(function, Array::Yp);

@@ -14,7 +14,8 @@ use crate::schedule::row_major;
 pub(super) enum Library {
     /// Values are columns, the last axis fastest.
     Casadi,
-    /// Values have an axis of length 1 for each counter that they do not depend on; single numbers have no axes.
+    /// Values have an axis of length 1 for each counter that they do not depend on; single numbers
+    /// have no axes.
     Jax,
 }
 
@@ -73,7 +74,7 @@ impl Lists {
     }
 }
 
-/// Where values of an output stand: their texts in order, and the position of each number of them.
+/// Values of an output: their texts in order, and the position of each number.
 #[derive(Default)]
 struct Pieces {
     texts: Vec<String>,

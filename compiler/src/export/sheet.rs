@@ -1,8 +1,10 @@
-//! The functions of a model with the arrays that they read and write: what the generators of code have in common.
+//! The functions of a model with the arrays that they read and write: what the generators of code
+//! have in common.
 //!
-//! Every variable of the model becomes a part of one of a few vectors in public order: `y` (states, then solved algebraic
-//! variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses stay affine in loop counters inside of the model; what they
-//! are in public order is said element by element ([`Sheet::read`]), and each printer finds the shortest way to write that.
+//! Every variable of the model becomes a part of one of a few vectors in public order: `y` (states,
+//! then solved algebraic variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses
+//! stay affine in loop counters inside of the model; what they are in public order is said element
+//! by element ([`Sheet::read`]), and each printer finds the shortest way to write that.
 
 use super::{Element, ExportError, Families, Nominal};
 use crate::differentiate::pattern::each;
@@ -20,9 +22,9 @@ pub(super) enum Array {
     U,
     /// Parameters, discrete variables, disturbances, and what else the equations need.
     P,
-    /// What only functions of a whole step need.
+    /// Values for functions of a whole step only.
     C,
-    /// What was computed ahead.
+    /// Values computed in advance.
     W,
     /// The factor of the derivatives in the Jacobian.
     Factor,
@@ -41,7 +43,7 @@ pub(super) struct Nest {
 /// One store.
 #[derive(Clone, Debug)]
 pub(super) struct Store {
-    /// Where to; `None` is the output.
+    /// Destination; `None` is the output.
     pub array: Option<Array>,
     /// Element for each pass, the last loop fastest.
     pub positions: Vec<u32>,
@@ -62,7 +64,7 @@ pub(super) struct Label {
 pub(super) struct Function {
     /// Identifier.
     pub name: String,
-    /// What it computes.
+    /// Computed expression.
     pub text: String,
     /// Nests in order.
     pub nests: Vec<Nest>,
@@ -72,12 +74,13 @@ pub(super) struct Function {
     pub outputs: Vec<Label>,
 }
 
-/// Functions that an integrator calls: what they need beside states, actions and parameters becomes a part of `p`.
+/// Functions that an integrator calls: what they need beside states, actions and parameters becomes
+/// a part of `p`.
 pub(super) fn is_dynamic(name: &str) -> bool {
     matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian")
 }
 
-/// What a load reads.
+/// Source of a load.
 pub(super) struct Read {
     pub array: Array,
     /// The loops that move it.
@@ -92,7 +95,7 @@ pub(super) type Extents = [u32; MAX_DEPTH];
 /// An element of a copy of a variable.
 pub(super) type Copied = (VarId, Flavour, u32);
 
-/// Where a value is kept: vector and element.
+/// Place of a value: vector and element.
 pub(super) type Spot = (Array, u32);
 
 /// A model as vectors and functions.
@@ -104,7 +107,8 @@ pub(super) struct Sheet {
     /// The elements of `c`.
     pub context: Vec<Element>,
     pub functions: Vec<Function>,
-    /// Vector and element of each element of a variable's copy; `u32::MAX` for one that no function reads.
+    /// Vector and element of each element of a variable's copy; `u32::MAX` for one that no function
+    /// reads.
     spots: FastMap<(VarId, Flavour), (Array, Vec<u32>)>,
     /// Extra elements of `p` and of `c`.
     extra: FastMap<Copied, Spot>,
@@ -178,7 +182,7 @@ impl Sheet {
         self.spot(var, flavour, element)
     }
 
-    /// What has no public name: copy, element and where it is kept.
+    /// Values without a public name: copy, element and place.
     pub(super) fn extras(&self) -> Vec<(Copied, Spot)> {
         let mut extras: Vec<_> = self.extra.iter().map(|(key, spot)| (*key, *spot)).collect();
         extras.sort_unstable();
@@ -222,8 +226,8 @@ impl Sheet {
         elements.map(|(id, v, i)| extra_element(numbered(&v.name, i, v.len), nominal.value(id, Flavour::Value, i), (id, i))).collect()
     }
 
-    /// What functions read beside states, actions and parameters: in `p` where an equation or an output needs it, else in `c`; the copy
-    /// of a variable is not torn apart.
+    /// Values that functions read in addition to states, actions and parameters: in `p` where an
+    /// equation or an output needs it, else in `c`; the copy of a variable is not torn apart.
     pub(super) fn find_extra(&mut self, nominal: &Nominal<'_>) {
         let mut found: [Vec<(VarId, Flavour, u32)>; 2] = [vec![], vec![]];
         for function in &self.functions {
@@ -263,7 +267,7 @@ impl Sheet {
         found.extend(all.map(|i| (var, flavour, i)));
     }
 
-    /// What does not change within an episode is its own copy at any instant.
+    /// A value that does not change within an episode is its own copy at any instant.
     fn copy(&self, var: VarId, flavour: Flavour) -> Flavour {
         match self.model.vars[var].role {
             Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => flavour,
@@ -300,7 +304,8 @@ impl Sheet {
         copy.map_or(name.clone(), |copy| format!("{copy}({name})"))
     }
 
-    /// The unit of a copy of a variable, or of what only functions of a whole step need; empty where it is not known.
+    /// The unit of a copy of a variable, or of what only functions of a whole step need; empty
+    /// where it is not known.
     fn extra_unit(&self, (var, flavour, element): (VarId, Flavour, u32)) -> String {
         let f = &self.families;
         let public = || {
@@ -337,7 +342,8 @@ impl Sheet {
         self.extra.get(&(var, flavour, element)).copied()
     }
 
-    /// Places of a variable that was made for what is computed ahead, one after another from `first` on.
+    /// Places of a variable that was made for what is computed ahead, one after another from
+    /// `first` on.
     pub(super) fn place_cache(&mut self, var: VarId, first: u32) {
         let len = self.model.vars[var].len;
         self.spots.insert((var, Flavour::Value), (Array::W, (first..first + len).collect()));

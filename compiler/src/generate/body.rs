@@ -119,7 +119,8 @@ impl Emitter<'_> {
         result
     }
 
-    /// The second operand of an arithmetic operation: a constant is read from memory by the instruction itself.
+    /// The second operand of an arithmetic operation: a constant is read from memory by the
+    /// instruction itself.
     fn second_operand(&mut self, block: BlockId, expr: ExprId) -> Value {
         match self.input.exprs.node(expr) {
             Expr::Const(bits) => self.number(block, f64::from_bits(bits)),
@@ -242,7 +243,8 @@ impl Emitter<'_> {
         }
     }
 
-    /// A function of two operands. A constant as the second operand is read from memory by the instruction itself.
+    /// A function of two operands. A constant as the second operand is read from memory by the
+    /// instruction itself.
     fn binary_of(&mut self, block: BlockId, f: BinaryFn, a: ExprId, b: ExprId) -> Value {
         let swap = matches!(f, BinaryFn::Add | BinaryFn::Mul) && is_immediate(self.input.exprs.node(a));
         let (a, b) = if swap { (b, a) } else { (a, b) };

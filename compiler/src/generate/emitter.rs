@@ -16,7 +16,7 @@ pub(super) const WORD: i64 = 8;
 /// Columns of working memory start at cache lines.
 pub(super) const LINE: u32 = 8;
 
-/// What a pointer counts from.
+/// Base of a pointer.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Start {
     /// Memory of numbers.
@@ -56,13 +56,13 @@ pub(super) enum Lanes {
     Two(BlockId),
 }
 
-/// What is written, and where it finds its operands.
+/// Function being written, and the places of its operands.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
     pub(super) exprs: &'a Exprs,
     pub(super) layout: &'a Layout,
     pub(super) schedule: &'a Schedule,
-    /// How the code outside of loops is cut.
+    /// Segments of the code outside of loops.
     pub(super) segments: &'a Segments,
     pub(super) arguments: Arguments,
     /// The code is long.
@@ -89,7 +89,7 @@ pub(super) struct Emitter<'a> {
     pub(super) signatures: FastMap<(usize, bool), SigRef>,
     /// Numbers in both lanes, by their bits.
     pub(super) constants: FastMap<u64, Constant>,
-    /// Where the values of the loop of lanes stay, if it is long.
+    /// Places of the values of the loop of lanes, if it is long.
     pub(super) wide: Option<WideResidence>,
     /// Numbers of working memory used.
     pub(super) columns: u32,
@@ -149,8 +149,9 @@ impl Emitter<'_> {
         self.two_numbers(x)
     }
 
-    /// A constant in the lanes of a block, to be held in a register: in long code read from memory, where it would else pass through a
-    /// register for whole numbers (the mid-end, which long code goes without, would share it over calls).
+    /// A constant in the lanes of a block, to be held in a register: in long code read from memory,
+    /// where it would else pass through a register for whole numbers (the mid-end, which long code
+    /// goes without, would share it over calls).
     pub(super) fn held_number(&mut self, block: BlockId, x: f64) -> Value {
         if self.is_two(block) || !self.input.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
             return self.number(block, x);

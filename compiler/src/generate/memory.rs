@@ -65,7 +65,8 @@ pub(super) fn load(emitter: &mut Emitter<'_>, block: BlockId, base: Base, at: Af
     }
 }
 
-/// Stride of an address that is used in a block along the lanes; a reduction there may bind the counter of the lanes again.
+/// Stride of an address that is used in a block along the lanes; a reduction there may bind the
+/// counter of the lanes again.
 fn lane_stride(emitter: &Emitter<'_>, block: BlockId, at: Affine) -> i64 {
     let Lanes::Two(outer) = emitter.lanes else {
         return 0;
@@ -198,7 +199,8 @@ fn store_at(emitter: &mut Emitter<'_>, block: BlockId, base: Base, at: Affine, v
     }
 }
 
-/// One of two numbers, to be stored or to be `added` to; the second is stored fastest as the bits it is.
+/// One of two numbers, to be stored or to be `added` to; the second is stored fastest as the bits
+/// it is.
 fn lane_of(emitter: &mut Emitter<'_>, value: Value, lane: u8, added: bool) -> Value {
     let value = if lane == 1 && !added { emitter.b.ins().bitcast(types::I64X2, little(), value) } else { value };
     emitter.b.ins().extractlane(value, lane)

@@ -1,10 +1,10 @@
-//! How the items of a loop in lanes are spread over phases.
+//! Distribution of the items of a loop in lanes over phases.
 
 use super::emitter::{Input, LINE};
 use crate::ir::{BinaryFn, Expr, ExprId, FastMap, FastSet, UnaryFn};
 use crate::schedule::{BlockId, Item, is_immediate};
 
-/// How the items of a loop are spread over phases.
+/// Distribution of the items of a loop over phases.
 #[derive(Default)]
 pub(super) struct Phases {
     /// Phase in which each item is first computed (for functions: in which their argument is).
@@ -53,7 +53,8 @@ impl Phases {
         phases
     }
 
-    /// Moves what no function waits for to the phase that needs it first: it has not to be kept until then.
+    /// Moves what no function waits for to the phase that needs it first: it has not to be kept
+    /// until then.
     fn postpone(&mut self, input: &Input<'_>, block: BlockId) {
         let mut needed: FastMap<ExprId, usize> = FastMap::default();
         for item in input.schedule.blocks[block].items.iter().rev() {

@@ -1,7 +1,8 @@
 //! Cuts functions into pieces of machine code that are called one after another.
 //!
-//! The time of code generation grows faster than the length of what is generated at once, and pieces can be generated side by side. Between
-//! pieces values pass through memory, as between the segments that they are made of.
+//! The time of code generation grows faster than the length of what is generated at once, and
+//! pieces can be generated side by side. Between pieces values pass through memory, as between the
+//! segments that they are made of.
 
 use std::ops::Range;
 
@@ -23,10 +24,11 @@ pub(crate) struct Plan {
     pieces: Vec<Piece>,
 }
 
-/// What is generated at once.
+/// Unit of generation.
 pub(crate) struct Piece {
     pub(super) parts: Vec<Part>,
-    /// All of it is long, and straight or in loops of lanes: there is nothing for Cranelift's mid-end to move.
+    /// All of it is long, and straight or in loops of lanes: there is nothing for Cranelift's
+    /// mid-end to move.
     pub(super) lean: bool,
     size: usize,
 }

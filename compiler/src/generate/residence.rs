@@ -1,17 +1,20 @@
 //! Decides which values of a long loop of lanes stay in registers, and when the others leave them.
 //!
-//! The register allocator's time grows faster than the number of values that are alive at once, and what does not fit into registers ends
-//! in memory anyway. In straight code the best choice is known: the value to leave is the one that is needed last (Belady). So at most
-//! [`RESIDENT`] values are alive at once: the others are stored once, where they are computed, and loaded again where they are needed;
-//! what is in memory anyway is simply loaded again.
+//! The register allocator's time grows faster than the number of values that are alive at once, and
+//! what does not fit into registers ends in memory anyway. In straight code the best choice is
+//! known: the value to leave is the one that is needed last (Belady). So at most [`RESIDENT`]
+//! values are alive at once: the others are stored once, where they are computed, and loaded again
+//! where they are needed; what is in memory anyway is simply loaded again.
 //!
-//! It pays in loops of many values: with 150 species in one loop compilation takes a third less and the residual a fifth, with 40 a
-//! twentieth and a tenth. The models of this repository compile and run alike without it.
+//! It pays in loops of many values: with 150 species in one loop compilation takes a third less and
+//! the residual a fifth, with 40 a twentieth and a tenth. The models of this repository compile and
+//! run alike without it.
 
 use crate::ir::{ExprId, FastMap};
 use crate::schedule::BlockId;
 
-/// Values that are alive between two items; the registers left over are for operands and intermediate results.
+/// Values that are alive between two items; the registers left over are for operands and
+/// intermediate results.
 const RESIDENT: usize = 12;
 /// Not needed any more.
 const NEVER: u32 = u32::MAX;
@@ -64,7 +67,8 @@ impl Course {
         start as usize..self.steps[step].end as usize
     }
 
-    /// For each use the step of the next one of the same value, for each step that of the first use of its result.
+    /// For each use the step of the next one of the same value, for each step that of the first use
+    /// of its result.
     fn following(&self) -> (Vec<u32>, Vec<u32>) {
         let mut next: FastMap<ExprId, u32> = FastMap::default();
         let (mut of_use, mut of_result) = (vec![NEVER; self.uses.len()], vec![NEVER; self.steps.len()]);
@@ -132,7 +136,8 @@ impl Residence {
     }
 }
 
-/// What stays in the registers within a pass of a long loop; everything from outside of it is in memory, in both lanes.
+/// Values that stay in registers within an iteration of a long loop; everything from outside of it
+/// is in memory, in both lanes.
 pub(super) struct WideResidence {
     pub(super) block: BlockId,
     pub(super) residence: Residence,

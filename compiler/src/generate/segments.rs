@@ -1,9 +1,10 @@
 //! Cuts long straight code into segments between which values pass through memory.
 //!
-//! The register allocator's time grows faster than the number of values that are alive at once, and what does not fit into registers ends
-//! in memory anyway. So a value lives in registers within one segment only: what a later segment needs is stored once where it is
-//! computed and loaded again where it is used; elements of variables are simply loaded again. Without, code generation of models with
-//! some thousand operations takes a quarter longer, and the code is no faster.
+//! The register allocator's time grows faster than the number of values that are alive at once, and
+//! what does not fit into registers ends in memory anyway. So a value lives in registers within one
+//! segment only: what a later segment needs is stored once where it is computed and loaded again
+//! where it is used; elements of variables are simply loaded again. Without, code generation of
+//! models with some thousand operations takes a quarter longer, and the code is no faster.
 
 use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap};
 use crate::schedule::{BlockId, Item, Schedule, is_immediate};
@@ -16,7 +17,8 @@ const LENGTH: usize = 64;
 /// The segments of the code outside of loops; each loop is one more.
 #[derive(Default)]
 pub(super) struct Segments {
-    /// Items whose operands are the last uses of a segment and whose result is the first value of the next, ascending.
+    /// Items whose operands are the last uses of a segment and whose result is the first value of
+    /// the next, ascending.
     ends: Vec<usize>,
     /// Items after which a piece ends, a subset of `ends`; nothing stays in registers there.
     pieces: Vec<usize>,

@@ -1,8 +1,9 @@
 //! Innermost loops, two lanes at a time.
 //!
-//! Elementary functions are taken out of the loop: the loop is split into phases, a phase writes the arguments of the functions to
-//! columns of working memory, array kernels are applied to whole columns, the next phase goes on. What an earlier phase
-//! computed and a later one needs is kept in a column too; loads are repeated.
+//! Elementary functions are taken out of the loop: the loop is split into phases, a phase writes
+//! the arguments of the functions to columns of working memory, array kernels are applied to whole
+//! columns, the next phase goes on. What an earlier phase computed and a later one needs is kept in
+//! a column too; loads are repeated.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
@@ -118,8 +119,9 @@ fn leave(emitter: &mut Emitter<'_>, block: BlockId, item: usize) {
     }
 }
 
-/// A loop over pairs of neighbours. The last pair of an odd number overlaps the one before it and computes the same again, unless
-/// something is `added`: then the last element is left to the caller.
+/// A loop over pairs of neighbours. The last pair of an odd number overlaps the one before it and
+/// computes the same again, unless something is `added`: then the last element is left to the
+/// caller.
 fn pairs(emitter: &mut Emitter<'_>, extent: u32, added: bool, pass: &mut dyn FnMut(&mut Emitter<'_>, Value)) {
     let odd = extent % 2 == 1;
     let last = i64::from(if odd && added { extent - 3 } else { extent - 2 });

@@ -16,11 +16,11 @@ const WORTH_A_THREAD: usize = 1000;
 
 /// A function to be generated.
 pub(crate) struct Request<'a> {
-    /// What it does.
+    /// Task.
     pub staged: &'a Staged,
-    /// What it may touch.
+    /// Accessible memory.
     pub access: Access,
-    /// How well.
+    /// Optimisation level.
     pub effort: Effort,
     /// Its place among the plans: what takes longest comes first.
     pub rank: u8,
@@ -43,8 +43,9 @@ impl Generated {
     }
 }
 
-/// Generates all functions, with the help of a second thread if that is worth it: plans of all first, then their pieces, the longest
-/// first. With `texts` intermediate text and assembly are kept.
+/// Generates all functions, with the help of a second thread if that is worth it: plans of all
+/// first, then their pieces, the longest first. With `texts` intermediate text and assembly are
+/// kept.
 ///
 /// # Errors
 /// If a staged program addresses what it cannot have, or Cranelift refuses.
@@ -88,7 +89,8 @@ fn plans(requests: &[Request<'_>], exprs: &Exprs, layout: &Layout, helped: bool)
     Ok(plans.into_iter().map(|(_, plan)| plan).collect())
 }
 
-/// Does so many tasks, with the help of a second thread if that is worth it; results in the order of tasks.
+/// Does so many tasks, with the help of a second thread if that is worth it; results in the order
+/// of tasks.
 fn side_by_side<R: Send + Sync, W: FnMut(usize) -> R>(count: usize, helped: bool, worker: impl Fn() -> W + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let results: Vec<OnceLock<R>> = (0..count).map(|_| OnceLock::new()).collect();

@@ -1,8 +1,10 @@
-//! Evaluation with derivatives: every value carries its derivatives along several directions (forward automatic differentiation).
+//! Evaluation with derivatives: every value carries its derivatives along several directions
+//! (forward automatic differentiation).
 //!
-//! For what runs once a step or at an event: updates, resets, rewards, observations, root functions. Comparisons decide by values and have no
-//! derivative, as on either side of what they compare; where a derivative is infinite (`sqrt(x)` at 0) it is zero, as everywhere
-//! in the compiler.
+//! For what runs once a step or at an event: updates, resets, rewards, observations, root
+//! functions. Comparisons decide by values and have no derivative, as on either side of what they
+//! compare; where a derivative is infinite (`sqrt(x)` at 0) it is zero, as everywhere in the
+//! compiler.
 
 use super::{Destination, Operand, Run, Tape};
 use crate::ir::{Affine, Arithmetic, BinaryFn, Expr, MAX_DEPTH, ReduceFn, Slope, UnaryFn, slope};
@@ -18,7 +20,7 @@ pub type Tangent = [f64; LANES];
 /// No change along any direction.
 pub const STILL: Tangent = [0.0; LANES];
 
-/// What a tape reads and writes, each number with its derivatives.
+/// Memory of a tape, each number with its derivatives.
 #[derive(Debug)]
 pub struct TangentView<'a> {
     /// Time.
@@ -267,7 +269,8 @@ mod tests {
         }
     }
 
-    /// Reductions and whole powers of an array, and what does not move beside a slope that is infinite.
+    /// Reductions and whole powers of an array, and what does not move beside a slope that is
+    /// infinite.
     #[test]
     fn tapes_carry_derivatives_through_loops() {
         let mut model = Model::default();

@@ -10,7 +10,7 @@ use super::numbers::{List, Side};
 use super::var::VarId;
 use crate::kernels;
 
-/// What [`Exprs::rewrite`] has made of nodes already.
+/// Previous results of [`Exprs::rewrite`].
 pub(crate) type Rewritten = FastMap<ExprId, ExprId>;
 
 /// Two operands as numbers, where they are.
@@ -61,7 +61,8 @@ impl Exprs {
         }
     }
 
-    /// A function of two numbers. Only rewrites that keep every bit (or drop an exact 0 or 1) are made.
+    /// A function of two numbers. Only rewrites that keep every bit (or drop an exact 0 or 1) are
+    /// made.
     pub fn binary(&mut self, f: BinaryFn, a: ExprId, b: ExprId) -> ExprId {
         let known = (self.as_const(a), self.as_const(b));
         if let (Some(x), Some(y)) = known {
@@ -86,7 +87,7 @@ impl Exprs {
         })
     }
 
-    /// What is negated, where a node is a negation.
+    /// Operand of a negation.
     fn negated(&self, e: ExprId) -> Option<ExprId> {
         if let Expr::Unary(UnaryFn::Neg, n) = self.node(e) { Some(n) } else { None }
     }
@@ -304,7 +305,8 @@ impl Exprs {
         })
     }
 
-    /// Returns `true` if a node has a reduction below it (or is one) that `repeats` says so of, by its free counters.
+    /// Returns `true` if a node has a reduction below it (or is one) that `repeats` says so of, by
+    /// its free counters.
     pub fn has_reduction(&self, e: ExprId, repeats: impl Fn(u8) -> bool) -> bool {
         let mut found = false;
         self.each_reduction(e, &mut |depth, body| found |= repeats(self.free(body) & !(1 << depth.0)));
@@ -320,8 +322,9 @@ impl Exprs {
         }
     }
 
-    /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None` means go on inside.
-    /// `done` holds what was already rewritten and may be kept for several calls with the same replacement.
+    /// Copies `e` with leaves replaced: `replace` is asked for every node, outermost first; `None`
+    /// means go on inside. `done` holds what was already rewritten and may be kept for several
+    /// calls with the same replacement.
     pub(crate) fn rewrite(
         &mut self,
         e: ExprId,
@@ -331,7 +334,8 @@ impl Exprs {
         self.rewrite_where(e, done, &|_, _| true, replace)
     }
 
-    /// As [`Exprs::rewrite`], but only nodes that are `concerned` are looked at; all others stay as they are.
+    /// As [`Exprs::rewrite`], but only nodes that are `concerned` are looked at; all others stay as
+    /// they are.
     pub(crate) fn rewrite_where(
         &mut self,
         e: ExprId,

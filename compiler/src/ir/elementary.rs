@@ -1,13 +1,13 @@
-//! The elementary functions, those of one number: one table, in which each stands with what works it out and with its names in other
-//! languages, and the rules of their derivatives.
+//! The elementary functions, those of one number: one table, in which each stands with what works
+//! it out and with its names in other languages, and the rules of their derivatives.
 
 use serde::{Deserialize, Serialize};
 
 use super::function::BinaryFn;
 use crate::kernels::{self, Kernel};
 
-/// What a function of one number is called in a form of a model and in the languages of exports. A name that begins with `_` is that of a
-/// function that the export defines itself.
+/// Names of a function of one number in JSON and in the languages of exports. A name that begins
+/// with `_` is that of a function that the export defines itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spelling {
     /// In the form of a model as JSON.
@@ -47,7 +47,8 @@ impl Spelling {
 
 const NOTHING: Defined = Defined { c: "", casadi: "", jax: "" };
 
-/// Makes the functions of the table: what works each out (nothing for those that are single machine instructions), and its names.
+/// Makes the functions of the table: what works each out (nothing for those that are single machine
+/// instructions), and its names.
 macro_rules! elementary {
     ($($(#[$about:meta])* $name:ident: $kernel:expr, $spelling:expr;)*) => {
         /// Functions of one number.
@@ -61,7 +62,7 @@ macro_rules! elementary {
             /// All of them.
             pub(crate) const ALL: &[UnaryFn] = &[$(UnaryFn::$name),*];
 
-            /// What it is called.
+            /// Name.
             pub(crate) fn spelling(self) -> Spelling {
                 match self {
                     $(UnaryFn::$name => $spelling,)*
@@ -103,7 +104,8 @@ elementary! {
     Round: Some(Kernel::Round), Spelling { c: "rint", ..Spelling::own("round", "_round", ROUND) };
     /// To the nearest number of single precision.
     Single: Some(Kernel::Single), Spelling::own("single", "_single", SINGLE);
-    /// The same number, whose switches the integrator leaves to its error test. Other languages write nothing.
+    /// The same number, whose switches the integrator leaves to its error test. Other languages
+    /// write nothing.
     Smooth: None, Spelling { word: "smooth", c: "", casadi: "", jax: "", defined: NOTHING };
 }
 
@@ -201,7 +203,8 @@ pub(crate) fn slope<A: Arithmetic>(x: &mut A, f: UnaryFn, a: A::Number, value: A
             let slope = x.binary(Div, half, value);
             x.where_equal((value, zero), zero, slope)
         }
-        // Rounding moves a value by less than its last digit: the slope is that of the value itself.
+        // Rounding moves a value by less than its last digit: the slope is that of the value
+        // itself.
         UnaryFn::Single | UnaryFn::Smooth => one,
         UnaryFn::Exp => value,
         UnaryFn::Ln => x.binary(Div, one, a),

@@ -19,7 +19,7 @@ use super::var::VarId;
 pub struct ExprId(u32);
 entity_impl!(ExprId, "e");
 
-/// Which copy of a variable a load reads.
+/// Copy of a variable that a load reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Flavour {
     /// The present value.
@@ -49,9 +49,9 @@ pub enum Expr {
     Load {
         /// The variable.
         var: VarId,
-        /// Which copy of it.
+        /// Copy.
         flavour: Flavour,
-        /// Which element.
+        /// Element.
         at: Affine,
     },
     /// A function of one number.
@@ -72,11 +72,13 @@ pub enum Expr {
     Select(ExprId, ExprId, ExprId),
     /// Number of ascending limits ([`Lists::add_limits`]) below a number; NaN for NaN.
     Passed(List, Side, ExprId),
-    /// The number of a list at an index from 0, a whole number; the first or the last beyond its ends.
+    /// The number of a list at an index from 0, a whole number; the first or the last beyond its
+    /// ends.
     Entry(List, ExprId),
-    /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that counter, nothing outside may.
+    /// Reduction of `body` over the loop at `depth`, of `extent` passes; `body` may use that
+    /// counter, nothing outside may.
     Reduce {
-        /// How terms are combined.
+        /// Combination of terms.
         op: ReduceFn,
         /// The loop.
         depth: LoopVar,
@@ -90,13 +92,14 @@ pub enum Expr {
 /// Bit of a node that contains the time derivative of something, above those of the loop counters.
 const DERIVATIVE: u8 = 1 << MAX_DEPTH;
 
-/// The arena of nodes; equal nodes are one. It has many methods: one constructor for each kind of node (`build.rs`).
+/// The arena of nodes; equal nodes are one. It has many methods: one constructor for each kind of
+/// node (`build.rs`).
 #[derive(Clone, Default)]
 pub struct Exprs {
     nodes: Vec<Expr>,
     /// Free loop counters of each node, one bit a depth, and [`DERIVATIVE`].
     free: Vec<u8>,
-    /// Where each node stands; the nodes themselves, millions at most, are held once.
+    /// Position of each node; the nodes themselves, millions at most, are stored once.
     index: HashTable<ExprId>,
     lists: Lists,
 }
@@ -171,7 +174,8 @@ impl Exprs {
         self.free.truncate(len);
     }
 
-    /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole nest.
+    /// One more than the deepest *free* loop counter; 0 where the value is one number for a whole
+    /// nest.
     #[must_use]
     pub fn depth(&self, id: ExprId) -> u8 {
         (u8::BITS - self.free(id).leading_zeros()) as u8

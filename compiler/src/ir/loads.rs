@@ -1,4 +1,4 @@
-//! What an expression reads.
+//! Variables that an expression reads.
 
 use super::FastMap;
 use super::affine::Affine;
@@ -9,7 +9,8 @@ use super::var::VarId;
 type Load = (VarId, Flavour, Affine);
 
 impl Exprs {
-    /// Distinct loads below a node that a filter accepts, in the order of variables, copies and addresses.
+    /// Distinct loads below a node that a filter accepts, in the order of variables, copies and
+    /// addresses.
     pub(crate) fn loads(&self, e: ExprId, accept: impl Fn(VarId, Flavour) -> bool) -> Vec<Load> {
         self.loads_where(e, |_| true, accept)
     }
@@ -40,7 +41,8 @@ impl Exprs {
     }
 }
 
-/// Nodes with numbers up to this are kept as a bit each; behind it an array of bits costs more than most walks.
+/// Nodes with numbers up to this are kept as a bit each; behind it an array of bits costs more than
+/// most walks.
 const FEW: u32 = 1 << 16;
 
 /// The nodes that a walk has met; operands stand before their users.

@@ -9,21 +9,21 @@ use super::FastMap;
 /// Numbers of [`Lists`], one after another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct List {
-    /// Where the first one stands.
+    /// Position of the first one.
     pub first: u32,
     /// Number of them.
     pub len: u32,
 }
 
 impl List {
-    /// Where the numbers stand.
+    /// Position of the numbers.
     #[must_use]
     pub fn range(self) -> Range<usize> {
         self.first as usize..self.first as usize + self.len as usize
     }
 }
 
-/// Which limits a number has left behind it.
+/// Limits that a number has passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Side {
     /// Those below it.
@@ -75,7 +75,8 @@ impl Lists {
         List { first, len }
     }
 
-    /// A list of ascending limits. Negative infinity stands before it and infinity behind it, for [`before`] and [`behind`].
+    /// A list of ascending limits. Negative infinity stands before it and infinity behind it, for
+    /// [`before`] and [`behind`].
     pub(crate) fn add_limits(&mut self, limits: &[f64]) -> List {
         let mut between = Vec::with_capacity(limits.len() + 2);
         between.push(f64::NEG_INFINITY);

@@ -1,7 +1,7 @@
 //! Programs: nests of loops that evaluate expressions and store them.
 //!
-//! A [`Program`] is what the text of a model asks for, a [`Staged`](crate::schedule::Staged) program what the back end makes of it; both
-//! are made of the same nests.
+//! A [`Program`] is what the text of a model asks for, a [`Staged`](crate::schedule::Staged)
+//! program what the back end makes of it; both are made of the same nests.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,24 +14,25 @@ use super::var::VarId;
 pub struct Program {
     /// The nests.
     pub nests: Vec<Nest>,
-    /// The program stores into what it reads (`y`, discrete variables): nothing loaded before a nest may be reused after it.
+    /// The program stores into what it reads (`y`, discrete variables): nothing loaded before a
+    /// nest may be reused after it.
     pub in_place: bool,
 }
 
-/// A nest of loops: for all values of the counters, evaluate and store. Without loops: once. All values of one pass
-/// are evaluated before the first of them is stored.
+/// A nest of loops: for all values of the counters, evaluate and store. Without loops: once. All
+/// values of one pass are evaluated before the first of them is stored.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Nest {
     /// Counter and number of iterations of each loop, the outermost first.
     pub loops: Vec<(u8, u32)>,
-    /// What is stored.
+    /// Stored value.
     pub stores: Vec<Store>,
 }
 
 /// One store.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Store {
-    /// Where to.
+    /// Destination.
     pub target: Target,
     /// The value; a truth value is stored as 1 or 0.
     pub value: ExprId,
@@ -40,9 +41,9 @@ pub struct Store {
 /// Destination of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// Which memory.
+    /// Memory.
     pub place: Place,
-    /// Which element.
+    /// Element.
     pub at: Affine,
 }
 
@@ -51,7 +52,8 @@ pub struct Target {
 pub enum Place {
     /// The function's output vector.
     Out,
-    /// The output vector at `tables[table + at] + plus`: entries of the Jacobian, in the back end only.
+    /// The output vector at `tables[table + at] + plus`: entries of the Jacobian, in the back end
+    /// only.
     Table {
         /// Start of the table among the tables of the compiled model.
         table: u32,

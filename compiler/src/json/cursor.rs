@@ -29,7 +29,7 @@ pub enum ReadError {
     Place {
         /// Way to the place, `programs.start.nests[2].extents`.
         path: String,
-        /// What is wrong.
+        /// Error.
         message: String,
     },
 }

@@ -13,7 +13,8 @@ const MAX_NESTING: u32 = 10_000;
 /// Most passes of one loop.
 const MAX_EXTENT: u32 = 100_000_000;
 
-/// Largest offset and factor of an address: sums of products with passes stay far from the ends of 64 bits.
+/// Largest offset and factor of an address: sums of products with passes stay far from the ends of
+/// 64 bits.
 const MAX_STRIDE: i64 = 1 << 32;
 
 /// The nodes of a text: each with its place among the expressions.
@@ -124,7 +125,8 @@ impl Nodes {
                 }
             }
         };
-        // Operands are positions among the nodes before; of other numbers none is a position of a deep node by chance that counts.
+        // Operands are positions among the nodes before; of other numbers none is a position of a
+        // deep node by chance that counts.
         let operands = match kind {
             "constant" | "truth" | "time" | "counter" | "load" => &rest[..0],
             "integer_power" | "passed_below" | "passed_up_to" | "entry" => &rest[..1],

@@ -1,7 +1,8 @@
 //! The polynomial versions: branch-free, so that a loop over them becomes vector code.
 //!
-//! Errors are below one unit in the last place for `exp`, `ln`, `log10` and `pow`, below two for `tanh`. `ln` and `pow` carry the
-//! logarithm as an unevaluated sum of two numbers (Dekker 1971), about 65 bits.
+//! Errors are below one unit in the last place for `exp`, `ln`, `log10` and `pow`, below two for
+//! `tanh`. `ln` and `pow` carry the logarithm as an unevaluated sum of two numbers (Dekker 1971),
+//! about 65 bits.
 
 use std::f64::consts::{LN_2, LOG2_E};
 
@@ -17,7 +18,8 @@ const SQRT_HALF_BITS: u64 = 0x3FE6_A09E_667F_3BCD;
 const LOG10_E: f64 = std::f64::consts::LOG10_E;
 const LOG10_E_TAIL: f64 = 1.098_319_650_216_765e-17;
 
-/// `(exp(r) - 1 - r) / r²` for |r| <= ln(2)/2: interpolation at ten Chebyshev nodes, error of `exp(r)` 1.7e-17.
+/// `(exp(r) - 1 - r) / r²` for |r| <= ln(2)/2: interpolation at ten Chebyshev nodes, error of
+/// `exp(r)` 1.7e-17.
 #[inline(always)]
 fn exp_tail(r: f64) -> f64 {
     const C: [f64; 10] = [
@@ -79,7 +81,8 @@ fn exp_sum(x: f64, tail: f64) -> f64 {
 /// Up to here `e^x` and `e^-x` are normal numbers with room to spare.
 const NORMAL: f64 = 708.0;
 
-/// Negative unless `|x| <=` [`NORMAL`]. As an integer, since a loop can gather that sign bit by bit.
+/// Negative unless `|x| <=` [`NORMAL`]. As an integer, since a loop can gather that sign bit by
+/// bit.
 #[inline(always)]
 pub(super) fn exp_room(x: f64) -> i64 {
     NORMAL.to_bits().wrapping_sub(x.abs().to_bits()) as i64

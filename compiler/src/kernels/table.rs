@@ -29,7 +29,8 @@ pub type BinaryArrayKernel = unsafe extern "C" fn(*const f64, *const f64, *mut f
 /// A number looked up in a list: the number, the list, its length.
 pub type ListKernel = unsafe extern "C" fn(f64, *const f64, usize) -> f64;
 
-/// What compiled code calls; its address is an argument of every compiled function, so that code holds no addresses.
+/// Functions that compiled code calls; the table's address is an argument of every compiled
+/// function, so that code contains no addresses.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct KernelTable {
@@ -91,14 +92,16 @@ macro_rules! kernels {
                             let values = unsafe { std::slice::from_raw_parts_mut(to, n) };
                             values.iter_mut().for_each(|v| *v = $of(*v));
                         } else {
-                            // SAFETY: valid for n numbers and apart, by the contract of `ArrayKernel`.
+                            // SAFETY: valid for n numbers and apart, by the contract of
+                            // `ArrayKernel`.
                             let (from, to) = unsafe {
                                 (std::slice::from_raw_parts(from, n), std::slice::from_raw_parts_mut(to, n))
                             };
                             to.iter_mut().zip(from).for_each(|(v, x)| *v = $of(*x));
                         }
                     }
-                    // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                    // SAFETY: the instructions are there, see above; the pointers are the caller's
+                    // promise.
                     unsafe { inner(from, to, n) }
                 }
             )*
@@ -128,7 +131,8 @@ macro_rules! kernels {
             unsafe extern "C" fn exp_array(from: *const f64, to: *mut f64, n: usize) {
                 #[$feature]
                 unsafe fn inner(from: *const f64, to: *mut f64, n: usize) {
-                    // SAFETY: valid for n numbers, by the contract of `ArrayKernel`; the borrow ends before the next one.
+                    // SAFETY: valid for n numbers, by the contract of `ArrayKernel`; the borrow
+                    // ends before the next one.
                     let any = unsafe { std::slice::from_raw_parts(from, n) }.iter().fold(0, |any, x| any | math::exp_room(*x));
                     if !std::ptr::eq(from, to) {
                         // SAFETY: valid for n numbers and apart, by the contract of `ArrayKernel`.
@@ -142,7 +146,8 @@ macro_rules! kernels {
                         values.iter_mut().for_each(|v| *v = math::exp_any(*v));
                     }
                 }
-                // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                // SAFETY: the instructions are there, see above; the pointers are the caller's
+                // promise.
                 unsafe { inner(from, to, n) }
             }
 
@@ -153,7 +158,8 @@ macro_rules! kernels {
             unsafe extern "C" fn pow_array(x: *const f64, y: *const f64, to: *mut f64, n: usize) {
                 #[$feature]
                 unsafe fn inner(x: *const f64, y: *const f64, to: *mut f64, n: usize) {
-                    // SAFETY: valid for n numbers, by the contract; raw reads because `to` may be a source.
+                    // SAFETY: valid for n numbers, by the contract; raw reads because `to` may be a
+                    // source.
                     let ordinary = (0..n).fold(true, |all, i| all & unsafe { math::is_ordinary(*x.add(i), *y.add(i)) });
                     let mut chunk = [0.0; 64];
                     let mut start = 0;
@@ -169,12 +175,14 @@ macro_rules! kernels {
                         } else {
                             values.for_each(|(v, (x, y))| *v = math::pow(*x, *y));
                         }
-                        // SAFETY: start + len <= n, and the sources of this chunk are no longer borrowed.
+                        // SAFETY: start + len <= n, and the sources of this chunk are no longer
+                        // borrowed.
                         unsafe { std::ptr::copy_nonoverlapping(chunk.as_ptr(), to.add(start), len) };
                         start += len;
                     }
                 }
-                // SAFETY: the instructions are there, see above; the pointers are the caller's promise.
+                // SAFETY: the instructions are there, see above; the pointers are the caller's
+                // promise.
                 unsafe { inner(x, y, to, n) }
             }
 
@@ -199,7 +207,8 @@ macro_rules! kernels {
     };
 }
 
-/// The functions, and a table of them for each kind of processor. `exp` is the first, whose array has a function of its own.
+/// The functions, and a table of them for each kind of processor. `exp` is the first, whose array
+/// has a function of its own.
 macro_rules! tables {
     ($($(#[$about:meta])* $kernel:ident: $scalar:ident $array:ident = $of:expr;)*) => {
         /// Functions of one number, in the order of [`KernelTable::unary`].

@@ -34,7 +34,8 @@ fn polynomial_functions_are_within_two_units_of_the_platforms() {
     }
 }
 
-/// Values by mpmath 1.4, 200 bits, rounded to the nearest double: where 40,000 random arguments came out worst, and elsewhere.
+/// Values by mpmath 1.4, 200 bits, rounded to the nearest double: where 40,000 random arguments
+/// came out worst, and elsewhere.
 #[test]
 fn functions_of_the_crate_libm_are_within_a_unit_of_the_platforms_on_both_tables() {
     type Check = (Kernel, fn(f64) -> f64, fn(f64) -> f64, f64);
@@ -166,7 +167,8 @@ proptest! {
         prop_assert!(ulps(unary(Kernel::Exp, x), x.exp()) <= 1);
         prop_assert!(ulps(unary(Kernel::Ln, x), x.ln()) <= 1);
         prop_assert!(ulps(unary(Kernel::Log10, x), x.log10()) <= 2);
-        // The platform's own is up to 2.2 units from the truth, ours up to 1.4 (see below), at times on the other side.
+        // The platform's own is up to 2.2 units from the truth, ours up to 1.4 (see below), at
+        // times on the other side.
         prop_assert!(ulps(unary(Kernel::Tanh, x), x.tanh()) <= 4);
         prop_assert!(ulps(pow(x.abs(), y), x.abs().powf(y)) <= 1, "pow({:e}, {y})", x.abs());
     }

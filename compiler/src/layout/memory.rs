@@ -17,7 +17,8 @@ pub struct Memory {
     layout: Arc<Layout>,
 }
 
-// SAFETY: the buffer is allocated by this value, reached through it alone, and freed by it on whatever thread it is then.
+// SAFETY: the buffer is allocated by this value, reached through it alone, and freed by it on
+// whatever thread it is then.
 unsafe impl Send for Memory {}
 // SAFETY: a shared reference gives shared slices only, so that nobody writes while it lives.
 unsafe impl Sync for Memory {}
@@ -50,7 +51,7 @@ impl Memory {
         &mut self.all_mut()[range]
     }
 
-    /// Where everything lies.
+    /// Places of all parts.
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout

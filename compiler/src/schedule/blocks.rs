@@ -1,7 +1,8 @@
 //! Order of evaluation: which node is computed in which loop.
 //!
-//! Each node is placed in the innermost loop whose counter it uses, once; nests over equal loops share them. The interpreter and the code
-//! generator walk the same [`Schedule`], so both evaluate in the same order.
+//! Each node is placed in the innermost loop whose counter it uses, once; nests over equal loops
+//! share them. The interpreter and the code generator walk the same [`Schedule`], so both evaluate
+//! in the same order.
 
 use thiserror::Error;
 
@@ -9,7 +10,7 @@ use super::staged::Staged;
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastSet, Flavour, MAX_DEPTH, Nest, Place, ReduceFn, Store, Target};
 use crate::layout::{Address, Base, Layout};
 
-/// What a function may touch.
+/// Memory that a function may access.
 #[derive(Clone, Copy, Debug)]
 pub struct Access {
     /// Name for messages.
@@ -86,9 +87,9 @@ pub enum Item {
     Reduce {
         /// The node.
         expr: ExprId,
-        /// How.
+        /// Operation.
         op: ReduceFn,
-        /// What is accumulated.
+        /// Accumulated value.
         body: ExprId,
         /// The loop.
         block: BlockId,
@@ -121,7 +122,8 @@ impl Schedule {
         home(&self.blocks, self.floor, exprs.free(expr), block)
     }
 
-    /// The loop around a place in `block` that binds a counter there: the innermost one, as reductions may bind a counter again.
+    /// The loop around a place in `block` that binds a counter there: the innermost one, as
+    /// reductions may bind a counter again.
     #[must_use]
     pub fn binder(&self, block: BlockId, counter: u8) -> Option<BlockId> {
         let mut at = Some(block);

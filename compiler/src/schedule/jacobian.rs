@@ -1,11 +1,13 @@
-//! The staged program of the Jacobian: entries over loops, stored at their positions in the compressed columns.
+//! The staged program of the Jacobian: entries over loops, stored at their positions in the
+//! compressed columns.
 
 use super::staged::{Staged, row_major};
 use crate::differentiate::Entry;
 use crate::differentiate::pattern::{Pattern, each, each_place};
 use crate::ir::{Affine, Exprs, MAX_DEPTH, Nest, Place, Store, Target};
 
-/// The staged program that writes the values of all entries in the order of the pattern; position tables are appended to `tables`.
+/// The staged program that writes the values of all entries in the order of the pattern; position
+/// tables are appended to `tables`.
 #[must_use]
 pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs, tables: &mut Vec<u32>) -> Staged {
     let zero = exprs.constant(0.0);
@@ -40,7 +42,8 @@ pub(crate) fn of_entries(entries: &[Entry], pattern: &Pattern, exprs: &mut Exprs
     Staged { stages: [cleared, stored, added].into_iter().filter(|s| !s.is_empty()).collect(), in_place: false }
 }
 
-/// The cheapest target that hits the slots: affine in all counters, affine in the innermost one, or a table.
+/// The cheapest target that hits the slots: affine in all counters, affine in the innermost one, or
+/// a table.
 fn target(loops: &[(u8, u32)], slots: &[u32], tables: &mut Vec<u32>) -> Target {
     let order = row_major(loops);
     let slot = |i: i64| slots.get(i as usize).map_or(0, |&s| i64::from(s));

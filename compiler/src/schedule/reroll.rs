@@ -1,7 +1,8 @@
 //! Turns runs of stores that differ only in their addresses back into loops.
 //!
-//! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1] := f(c[1])`, … Each run of at
-//! least [`SHORTEST`] such stores with addresses in arithmetic sequence becomes one loop; in place, the order of passes is that of the stores.
+//! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1]
+//! := f(c[1])`, … Each run of at least [`SHORTEST`] such stores with addresses in arithmetic
+//! sequence becomes one loop; in place, the order of passes is that of the stores.
 
 use super::staged::Staged;
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, Nest, Place, Rewritten, Store, Target};
@@ -15,7 +16,7 @@ const LARGEST: usize = 300;
 struct Shape {
     /// Nodes in the order of a walk, operands by their places in it.
     tokens: Vec<Token>,
-    /// Where the loads are in `tokens`.
+    /// Places of the loads in `tokens`.
     loads: Vec<ExprId>,
     /// Constant part of the address of each load, then of the target.
     offsets: Vec<i64>,
@@ -29,7 +30,7 @@ enum Token {
     Node(Expr),
     /// A place in the walk.
     Operand(u32),
-    /// Where the value goes.
+    /// Destination of the value.
     Target(Place, [i64; MAX_DEPTH]),
 }
 
@@ -93,7 +94,7 @@ fn loops(stores: &[Store], exprs: &mut Exprs) -> Vec<Nest> {
     nests
 }
 
-/// Which operation a node is.
+/// Operation of a node.
 type Kind = Option<std::mem::Discriminant<Expr>>;
 
 /// The operation of a node and of its first two operands.

@@ -1,7 +1,8 @@
-//! What a function of the back end does: nests of loops, in stages.
+//! Computations of a function of the back end: nests of loops, in stages.
 //!
-//! The front end writes [`Program`]s, whose nests follow one another. A [`Staged`] program is what the back end makes of one, of the
-//! equations and of the entries of the Jacobian: what may share loops and values is one stage.
+//! The front end writes [`Program`]s, whose nests follow one another. A [`Staged`] program is what
+//! the back end makes of one, of the equations and of the entries of the Jacobian: what may share
+//! loops and values is one stage.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +12,8 @@ use crate::ir::{Affine, ExprId, Nest, Program, Store, Target};
 /// A function to be interpreted or compiled.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Staged {
-    /// What it does: nests of one stage share loops and values and may run in any order, stages run one after another.
+    /// Computations: nests of one stage share loops and values and may run in any order, stages run
+    /// one after another.
     pub stages: Vec<Vec<Nest>>,
     /// It stores into what it reads.
     pub in_place: bool,

@@ -1,8 +1,11 @@
-//! Rates that occur in fixed combinations only: `C*(d/dt y_2 - d/dt y_1) = f`, `C*(d/dt y_1 - d/dt y_2) = g`.
+//! Rates that occur in fixed combinations only: `C*(d/dt y_2 - d/dt y_1) = f`, `C*(d/dt y_1 - d/dt
+//! y_2) = g`.
 //!
-//! Equations that are linear in several rates, with numbers or parameters as coefficients, are brought into reduced echelon form where they
-//! depend on each other. Each pivot row gives the rate of a combination of states, which becomes the state: `w = y_1 - y_2`. Each dependent
-//! row is an algebraic equation, and the states of the combinations become algebraic variables. Nothing is approximated.
+//! Equations that are linear in several rates, with numbers or parameters as coefficients, are
+//! brought into reduced echelon form where they depend on each other. Each pivot row gives the rate
+//! of a combination of states, which becomes the state: `w = y_1 - y_2`. Each dependent row is an
+//! algebraic equation, and the states of the combinations become algebraic variables. Nothing is
+//! approximated.
 
 use std::collections::BTreeSet;
 
@@ -165,7 +168,8 @@ fn has_unknown(model: &Model, rest: ExprId) -> bool {
     !model.exprs.loads(rest, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic)).is_empty()
 }
 
-/// Returns `true` if nothing else reads the rates of the states or sets the states, but for their initial values.
+/// Returns `true` if nothing else reads the rates of the states or sets the states, but for their
+/// initial values.
 fn is_free(model: &Model, equations: &[Equation], lines: &[Line], states: &BTreeSet<VarId>) -> bool {
     let own: FastSet<usize> = lines.iter().map(|line| line.equation).collect();
     let reads = |e: ExprId| !model.exprs.derivatives(e, |v| states.contains(&v)).is_empty();

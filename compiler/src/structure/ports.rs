@@ -1,4 +1,4 @@
-//! Which members of ports are nothing but another quantity: what is connected to an action is that action.
+//! Members of ports that equal another quantity: a member connected to an action is that action.
 
 use crate::elaborate::for_each_element;
 use crate::ir::{Expr, FastMap, Flavour, Place, VarId};

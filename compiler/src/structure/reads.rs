@@ -1,4 +1,4 @@
-//! Where loops read algebraic variables.
+//! Reads of algebraic variables in loops.
 
 use super::common::programs;
 use crate::elaborate::Equation;

@@ -1,8 +1,9 @@
 //! Ranges of numbers that are unrolled after all.
 //!
-//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where its elements are defined one by one,
-//! need each other, or are sums that a loop would work out again in every pass, they are substituted one by one, and so every equation
-//! and sum that reads them must name them one by one.
+//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where
+//! its elements are defined one by one, need each other, or are sums that a loop would work out
+//! again in every pass, they are substituted one by one, and so every equation and sum that reads
+//! them must name them one by one.
 
 use super::common::replace_everywhere;
 use super::cuts::cut_at_parts;
@@ -36,7 +37,8 @@ pub(crate) fn write_out(model: &mut Model, equations: &mut Vec<Equation>) {
     }
 }
 
-/// Algebraic variables whose elements are defined or read one by one, and not over the cells of a domain.
+/// Algebraic variables whose elements are defined or read one by one, and not over the cells of a
+/// domain.
 fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
     let mut scattered: FastSet<VarId> = FastSet::default();
     let mut over_cells: FastSet<VarId> = FastSet::default();
@@ -78,7 +80,8 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
     scattered
 }
 
-/// Arrays defined with sums of their own for each element that a loop would work out again in each pass of a loop around it.
+/// Arrays defined with sums of their own for each element that a loop would work out again in each
+/// pass of a loop around it.
 fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole>) -> FastSet<VarId> {
     let exprs = &model.exprs;
     let mut with_sums: FastSet<VarId> = FastSet::default();
@@ -116,13 +119,15 @@ fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole
     out
 }
 
-/// Returns `true` if an equation defines an element of one of the variables, or reads one at an address that its loops change.
+/// Returns `true` if an equation defines an element of one of the variables, or reads one at an
+/// address that its loops change.
 fn touches(model: &Model, equation: &Equation, scattered: &FastSet<VarId>) -> bool {
     let defines = matches!(equation.form, EquationForm::Definition { var, .. } if scattered.contains(&var));
     defines || reads(&model.exprs, equation.form.value(), scattered)
 }
 
-/// Returns `true` if an expression reads an element of one of the variables at an address that loops change.
+/// Returns `true` if an expression reads an element of one of the variables at an address that
+/// loops change.
 fn reads(exprs: &Exprs, value: ExprId, scattered: &FastSet<VarId>) -> bool {
     exprs.loads(value, |v, _| scattered.contains(&v)).iter().any(|(_, _, at)| !at.is_constant())
 }
@@ -133,7 +138,8 @@ fn passes_of(exprs: &mut Exprs, equation: Equation, out: &mut Vec<Equation>) {
         out.push(equation);
         return;
     };
-    // Loops over cells keep their counters: a single pass stands in the place of the loop, unless there is no loop left.
+    // Loops over cells keep their counters: a single pass stands in the place of the loop, unless
+    // there is no loop left.
     let mut extents = equation.extents.clone();
     extents[d] = 1;
     if extents.iter().all(|&n| n == 1) {

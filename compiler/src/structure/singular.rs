@@ -1,9 +1,12 @@
-//! Loops of equations that do not determine their unknowns, whatever the numbers: `a = 1 + b`, `b = a - 1`.
+//! Loops of equations that do not determine their unknowns, whatever the numbers: `a = 1 + b`, `b =
+//! a - 1`.
 //!
-//! Matching gives each unknown an equation of its own, but a loop of them may say the same thing twice. Each strongly connected part of the
-//! single (not looped) equations is differentiated at random numbers: sums, products and quotients as they are, every other function as
-//! one that could be any. A matrix of derivatives that is singular at several points then is singular everywhere, but
-//! for an event of probability zero; what is singular at special points only is left to the solver.
+//! Matching gives each unknown an equation of its own, but a loop of them may say the same thing
+//! twice. Each strongly connected part of the single (not looped) equations is differentiated at
+//! random numbers: sums, products and quotients as they are, every other function as one that could
+//! be any. A matrix of derivatives that is singular at several points then is singular everywhere,
+//! but for an event of probability zero; what is singular at special points only is left to the
+//! solver.
 
 use std::hash::{Hash, Hasher};
 
@@ -141,7 +144,8 @@ impl Point<'_> {
         (self.random(&"value", e), combined(&parts))
     }
 
-    /// A number between 0.5 and 1.5 that belongs to the point and a thing; for all but loads to a node too.
+    /// A number between 0.5 and 1.5 that belongs to the point and a thing; for all but loads to a
+    /// node too.
     fn random<T: Hash + 'static>(&self, thing: &T, e: ExprId) -> f64 {
         let mut hasher = std::hash::DefaultHasher::new();
         (self.point, thing).hash(&mut hasher);

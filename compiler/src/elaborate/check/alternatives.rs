@@ -1,7 +1,9 @@
-//! What is not chosen is checked too: bodies of variants that are off, and of options that another one stands in front of.
+//! Checks of unselected parts: bodies of variants that are off, and of options that another one
+//! precedes.
 //!
-//! Each of them is put in force in turn, with what encloses it, and the model elaborated anew; faults inside of the body are told as warnings. A body may
-//! name what another variant declares: a fault that is gone where all variants are on is none, but for a name that nothing declares.
+//! Each of them is put in force in turn, with what encloses it, and the model elaborated anew;
+//! faults inside of the body are told as warnings. A body may name what another variant declares: a
+//! fault that is gone where all variants are on is none, but for a name that nothing declares.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,7 +17,8 @@ use crate::elaborate::options::Options;
 /// Work that a statement counts for, each time that it is read again.
 const STATEMENT: usize = 30;
 
-/// The faults of the model under options, if there are any, and the work spent so far; with the work of reading, beforehand.
+/// The faults of the model under options, if there are any, and the work spent so far; with the
+/// work of reading, beforehand.
 pub(in crate::elaborate) type FaultsWith<'w> = dyn FnMut(&Options, u32) -> (Option<Faults>, u32) + 'w;
 
 /// Names and options.
@@ -23,14 +26,14 @@ type Asked = Vec<(String, String)>;
 
 /// A body that is not in force.
 struct Body<'a> {
-    /// What has to be chosen for it, the outermost first.
+    /// Selections that it needs, the outermost first.
     asked: Asked,
     span: Span,
     statements: &'a [Statement],
 }
 
-/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice, and `spent` is the work that the model
-/// took.
+/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice,
+/// and `spent` is the work that the model took.
 pub(in crate::elaborate) fn faults_in_alternatives(
     files: &[File],
     options: &Options,
@@ -55,7 +58,8 @@ pub(in crate::elaborate) fn faults_in_alternatives(
     faults
 }
 
-/// The bodies that are not in force. Statements of one name and option are one body, as far as what is asked for is concerned, but each has its place.
+/// The bodies that are not in force. Statements of one name and option are one body, as far as what
+/// is asked for is concerned, but each has its place.
 fn collect<'a>(statements: &'a [Statement], chosen: &HashMap<String, String>, outer: &Asked, out: &mut Vec<Body<'a>>) {
     for statement in statements {
         let (name, option, body) = match &statement.kind {

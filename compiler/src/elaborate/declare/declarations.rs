@@ -1,4 +1,4 @@
-//! What is declared by itself: sets, domains, fluxes, variables.
+//! Declarations of sets, domains, fluxes and variables.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{self, Declaration, Expr, Flux, Ident, SetMembers, Statement, StatementKind};

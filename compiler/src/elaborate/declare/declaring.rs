@@ -1,4 +1,4 @@
-//! What declaring needs, and the names that it makes.
+//! Data of declaring, and the names that it makes.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{self, Binder, Declaration, Ident};
@@ -17,7 +17,7 @@ use crate::model::Variable;
 /// Most elements of one variable.
 pub(in crate::elaborate::declare) const MAX_ELEMENTS: i64 = 10_000_000;
 
-/// What a model says of itself.
+/// Name and description of a model.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct About {
     /// Its name.
@@ -26,16 +26,17 @@ pub(in crate::elaborate) struct About {
     pub text: String,
 }
 
-/// Statements to symbols. Sizes are expressions: what is declared so far is what they are lowered over.
+/// Statements to symbols. Sizes are expressions: what is declared so far is what they are lowered
+/// over.
 pub(in crate::elaborate) struct Declaring<'m, 'a> {
     pub input: &'m Input<'a>,
-    /// What names stand for.
+    /// Meaning of names.
     pub symbols: Symbols<'a>,
     /// Components and their instances.
     pub instances: Instances<'a>,
-    /// What the model says of itself.
+    /// Name and description of the model.
     pub about: About,
-    /// What lowering writes to.
+    /// Output of lowering.
     pub work: Work,
 }
 

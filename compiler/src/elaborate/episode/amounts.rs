@@ -10,8 +10,8 @@ use crate::elaborate::lower::{Lowering, boxes, defaults, expression, paths};
 use crate::ir::{BinaryFn, ExprId, ReduceFn};
 use crate::model::Quantity;
 
-/// By how much a condition holds, relative to a range; negative where it does not. Of a flag, `phase == heat`, which holds or does not, it is the
-/// truth value itself.
+/// By how much a condition holds, relative to a range; negative where it does not. Of a flag,
+/// `phase == heat`, which holds or does not, it is the truth value itself.
 pub(in crate::elaborate) fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Value {
     let found = match &e.kind {
         ExprKind::Binary(op @ (BinaryOp::And | BinaryOp::Or), a, b) => {
@@ -35,7 +35,8 @@ pub(in crate::elaborate) fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &P
     found.unwrap_or_else(|| l.value(e, place))
 }
 
-/// Of `and` the least amount, of `or` the greatest. A flag takes nothing away from what holds beside it, and counts 1 where it alone decides.
+/// Of `and` the least amount, of `or` the greatest. A flag takes nothing away from what holds
+/// beside it, and counts 1 where it alone decides.
 fn both(l: &mut Lowering<'_, '_>, x: &Value, y: &Value, is_and: bool) -> Value {
     let (flag, number) = match (&x.unit, &y.unit) {
         (Measure::Truth, Measure::Truth) => {
@@ -50,7 +51,8 @@ fn both(l: &mut Lowering<'_, '_>, x: &Value, y: &Value, is_and: bool) -> Value {
     Value::bare(if is_and { l.exprs.select(flag, number, decided) } else { l.exprs.select(flag, decided, number) })
 }
 
-/// The least or greatest of two amounts. One that is no number leaves it to the other: whether the whole is known is told elsewhere.
+/// The least or greatest of two amounts. One that is no number leaves it to the other: whether the
+/// whole is known is told elsewhere.
 fn extremum(l: &mut Lowering<'_, '_>, x: ExprId, y: ExprId, least: bool) -> ExprId {
     let mut value = l.exprs.binary(if least { BinaryFn::Min } else { BinaryFn::Max }, x, y);
     for (side, other) in [(x, y), (y, x)] {
@@ -121,7 +123,8 @@ fn compared(l: &mut Lowering<'_, '_>, op: BinaryOp, a: &Expr, b: &Expr, place: &
     Some(Value::bare(l.exprs.div(difference, range)))
 }
 
-/// Width of the declared bounds of a variable that stands alone; where there is none, the other number.
+/// Width of the declared bounds of a variable that stands alone; where there is none, the other
+/// number.
 fn range_of(l: &mut Lowering<'_, '_>, e: ExprId, other: f64) -> ExprId {
     if let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e)
         && let Some(q) = l.quantities.get(&var)

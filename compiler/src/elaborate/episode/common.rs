@@ -1,4 +1,4 @@
-//! What the steps of the control problem share.
+//! Shared functions of the steps of the control problem.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -65,7 +65,8 @@ impl Symbols<'_> {
     }
 }
 
-/// The elements that entries have set so far, by block and breadth: two of one breadth in one block are a fault, as their order has no meaning.
+/// The elements that entries have set so far, by block and breadth: two of one breadth in one block
+/// are a fault, as their order has no meaning.
 #[derive(Default)]
 pub(in crate::elaborate) struct Given(FastMap<(VarId, i64), (usize, usize, Span)>);
 
@@ -93,7 +94,7 @@ impl Given {
     }
 }
 
-/// What is said of two entries for one element.
+/// Message for two entries for one element.
 pub(in crate::elaborate) fn two_values(name: &str, what: &str, span: Span, first: Span) -> Diagnostic {
     Diagnostic::error(codes::DUPLICATE_NAME, format!("`{name}` has two {what}"), span)
         .secondary(first, "the first one")

@@ -135,7 +135,8 @@ pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: 
         return;
     }
     let mut names: Vec<Option<Observed>> = vec![None; total];
-    // A state that is observed already, perhaps with noise or a delay, is told from that observation.
+    // A state that is observed already, perhaps with noise or a delay, is told from that
+    // observation.
     let taken: FxHashSet<String> = out.names.iter().map(|o| o.name.clone()).collect();
     let named = |name: String| if taken.contains(&name) { format!("state.{name}") } else { name };
     for (var, positions) in order {

@@ -1,4 +1,4 @@
-//! What is seen from outside: observations, algebraic outputs, the interface.
+//! Public quantities: observations, algebraic outputs, the interface.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, Ident};
@@ -109,7 +109,8 @@ pub(super) fn let_quantity(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis]
     }
 }
 
-/// The states in the order of declaration, by their own numbers; `None` where that is their own order.
+/// The states in the order of declaration, by their own numbers; `None` where that is their own
+/// order.
 fn state_order(l: &Lowering<'_, '_>) -> Option<Vec<u32>> {
     let positions = state_positions(l).into_iter().flat_map(|(_, list)| list);
     let mut order: Vec<(u32, u32)> = positions.zip(0..).collect();

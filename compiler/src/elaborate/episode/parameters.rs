@@ -64,10 +64,10 @@ pub(in crate::elaborate) fn parameter_program(l: &mut Lowering<'_, '_>) -> Progr
     program
 }
 
-/// What a draw of a parameter may read.
+/// Quantities that a draw of a parameter may read.
 const DRAWN: &str = "a parameter is drawn once, at reset: its distribution and limits read numbers and other parameters";
 
-/// What the rule of a disturbance may read.
+/// Quantities that the rule of a disturbance may read.
 const RULE: &str = "a rule runs ahead of the step: it reads disturbances, discrete variables, actions, parameters and the time, and states at the end of the step before, `previous(x)`";
 
 /// Reports a distribution, or its limits, that reads what is not known there.
@@ -164,7 +164,7 @@ pub(in crate::elaborate) fn clipped(
     l.exprs.binary(BinaryFn::Min, v, high)
 }
 
-/// What updates the disturbances at each step.
+/// Update of the disturbances at each step.
 pub(in crate::elaborate) fn disturbance_program(l: &mut Lowering<'_, '_>) -> Program {
     let mut program = Program { nests: Vec::new(), in_place: true };
     let symbols: Vec<SymbolId> = l.symbols.list.keys().collect();

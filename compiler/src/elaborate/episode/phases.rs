@@ -1,13 +1,16 @@
 //! Phases of a schedule.
 //!
-//! The phases of a model are a set named `phase`, numbered from 1 in the order of the text; the first is in force at the start. The name
-//! `phase` by itself is the one in force: it is compared with a phase (`phase == elute`) and used as an index (`Q[phase]`).
-//! `phase_time` is the time since the phase began.
+//! The phases of a model are a set named `phase`, numbered from 1 in the order of the text; the
+//! first is in force at the start. The name `phase` by itself is the one in force: it is compared
+//! with a phase (`phase == elute`) and used as an index (`Q[phase]`). `phase_time` is the time
+//! since the phase began.
 //!
-//! A schedule becomes three discrete variables (the phase, the time of its beginning, and the phase being left while a
-//! transition runs), one root function a phase, and one program that all transitions share: first what the phase says for its end, then the
-//! next phase. A duration is a root linear in time, so that the integration stops exactly there. A condition is a root for each of its
-//! alternatives that moves during a step, and one that holds when a step starts (a request) ends the phase before the integration.
+//! A schedule becomes three discrete variables (the phase, the time of its beginning, and the phase
+//! being left while a transition runs), one root function a phase, and one program that all
+//! transitions share: first what the phase says for its end, then the next phase. A duration is a
+//! root linear in time, so that the integration stops exactly there. A condition is a root for each
+//! of its alternatives that moves during a step, and one that holds when a step starts (a request)
+//! ends the phase before the integration.
 
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, moving_clock};
@@ -36,7 +39,7 @@ pub(in crate::elaborate) fn schedule_phases(l: &Lowering<'_, '_>) -> Vec<String>
     l.symbols.schedule.iter().flat_map(|s| &s.phases).map(|p| p.name.text.clone()).collect()
 }
 
-/// What the outside sees of the schedule.
+/// Public part of the schedule.
 pub(in crate::elaborate) fn schedule_quantities(l: &Lowering<'_, '_>) -> Vec<Quantity> {
     let Some(schedule) = &l.symbols.schedule else { return Vec::new() };
     let quantity = |var, name: &str, unit: String, text: &str, high: f64, default: f64| Quantity {
@@ -103,7 +106,7 @@ pub(in crate::elaborate) fn schedule_programs(l: &mut Lowering<'_, '_>, out: &mu
     }
 }
 
-/// What a condition has between its `or`s.
+/// Operands of the `or`s of a condition.
 fn alternatives(exprs: &Exprs, condition: ExprId) -> Vec<ExprId> {
     match exprs.node(condition) {
         Expr::Or(a, b) => [a, b].into_iter().flat_map(|side| alternatives(exprs, side)).collect(),
@@ -111,8 +114,8 @@ fn alternatives(exprs: &Exprs, condition: ExprId) -> Vec<ExprId> {
     }
 }
 
-/// Root function of a condition, positive where it holds, and whether it does not hold at zero. What cannot be compared, or stands still during
-/// a step, is a number that jumps.
+/// Root function of a condition, positive where it holds, and whether it does not hold at zero.
+/// What cannot be compared, or stands still during a step, is a number that jumps.
 fn root(exprs: &mut Exprs, symbols: &Symbols<'_>, condition: ExprId) -> (ExprId, bool) {
     match exprs.node(condition) {
         _ if !symbols.is_dynamic(exprs, condition) => (sign_of(exprs, condition), false),
@@ -170,7 +173,7 @@ fn phase_root<'a>(
     out.roots.push(Root { name, value, strict, action });
 }
 
-/// What runs when a phase is left, for whichever it is.
+/// Updates at the end of any phase.
 fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Place) -> Program {
     let mut draft = Draft::default();
     let (current, since) = (l.values().discrete(schedule.current), l.values().discrete(schedule.since));

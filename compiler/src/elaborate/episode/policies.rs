@@ -10,8 +10,8 @@ use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, ExprId, Nest, Place as Memory, Program, Role, VarId};
 use crate::model::{Invariant, Quantity};
 
-/// Policies by name, the nominal one first: those of components by the paths of their instances, but what a component says of `nominal` is
-/// part of the model's nominal policy.
+/// Policies by name, the nominal one first: those of components by the paths of their instances,
+/// but what a component says of `nominal` is part of the model's nominal policy.
 pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<(String, Program)> {
     let actions: Vec<(VarId, i64)> =
         l.variables_of(Role::Action).into_iter().flat_map(|v| (0..i64::from(l.symbols.vars[v].len)).map(move |i| (v, i))).collect();
@@ -46,7 +46,8 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
     list
 }
 
-/// Puts what a policy says of actions in the place of their values: what is said of an element holds against what is said of its array.
+/// Puts what a policy says of actions in the place of their values: what is said of an element
+/// holds against what is said of its array.
 fn policy_values(l: &mut Lowering<'_, '_>, entries: &[(Expr, Expr)], place: &Place, actions: &[(VarId, i64)], values: &mut [ExprId]) {
     let mut wide_first: Vec<&(Expr, Expr)> = entries.iter().collect();
     wide_first.sort_by_key(|(target, _)| std::cmp::Reverse(breadth(target, &[])));

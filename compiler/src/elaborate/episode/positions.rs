@@ -8,7 +8,7 @@ use crate::ir::{Role, VarId};
 struct Field {
     scope: ScopeId,
     domain: DomainId,
-    /// Which of its axes is the domain.
+    /// Axis of the domain.
     at: usize,
     /// Lengths of its axes.
     lens: Vec<usize>,
@@ -33,8 +33,9 @@ impl Field {
     }
 }
 
-/// For each state variable the positions of its elements in the order of declaration: scopes in the order of the text; inside a scope
-/// the arrays over one domain are taken together, cell after cell.
+/// For each state variable the positions of its elements in the order of declaration: scopes in the
+/// order of the text; inside a scope the arrays over one domain are taken together, cell after
+/// cell.
 pub(in crate::elaborate) fn state_positions(l: &Lowering<'_, '_>) -> Vec<(VarId, Vec<u32>)> {
     let states = l.variables_of(Role::State);
     let fields: Vec<Option<Field>> = states.iter().map(|&v| Field::of(l, v)).collect();

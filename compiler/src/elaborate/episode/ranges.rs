@@ -6,7 +6,8 @@ use crate::elaborate::lower::place::Place;
 use crate::elaborate::symbols::{Axis, DomainId, SymbolKind, Symbols};
 
 impl<'a> Symbols<'a> {
-    /// For each binder over a range `low..high` whose index stands in `parts` for cells of a domain and nowhere else, its name and the domain.
+    /// For each binder over a range `low..high` whose index stands in `parts` for cells of a domain
+    /// and nowhere else, its name and the domain.
     pub(in crate::elaborate) fn counted_cells(&self, binders: &[Binder], parts: &[&Expr], place: &Place) -> Vec<(String, DomainId)> {
         let ranges = binders.iter().filter(|b| matches!(b.over, BinderSet::Range(..)));
         let counted = ranges.filter_map(|b| {
@@ -19,7 +20,8 @@ impl<'a> Symbols<'a> {
         counted.collect()
     }
 
-    /// Returns `true` if every occurrence of a name is an index, on its own, along domains of equally many cells.
+    /// Returns `true` if every occurrence of a name is an index, on its own, along domains of
+    /// equally many cells.
     fn only_cells(&self, e: &Expr, name: &str, place: &Place, domain: &mut Option<DomainId>) -> bool {
         match &e.kind {
             ExprKind::Name(n) => n.text != name,
@@ -43,7 +45,8 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// Axes of the variable that `x` or `unit.x` names, without a report where it names something else.
+    /// Axes of the variable that `x` or `unit.x` names, without a report where it names something
+    /// else.
     fn axes_of(&self, e: &Expr, place: &Place) -> Option<&[Axis]> {
         let symbol = match &e.kind {
             ExprKind::Name(n) if place.bound(&n.text).is_none() => self.lookup(place.scope, &n.text)?,

@@ -19,13 +19,14 @@ use crate::model::Reward;
 pub(in crate::elaborate) struct Rewards {
     /// Their values.
     pub values: Vec<ExprId>,
-    /// What is seen of them.
+    /// Public part.
     pub list: Vec<Reward>,
     /// The one that is returned.
     pub default: u32,
 }
 
-/// The declared rewards; `error_reward` is the number of a failing step, which becomes one in their unit.
+/// The declared rewards; `error_reward` is the number of a failing step, which becomes one in their
+/// unit.
 pub(in crate::elaborate) fn rewards<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], error_reward: &mut f64) -> Rewards {
     let mut units = Vec::new();
     let mut values = Vec::new();
@@ -109,8 +110,9 @@ fn error_reward_in(l: &mut Lowering<'_, '_>, x: f64, rewards: &[(String, Unit)])
     first.map(|(.., number)| number)
 }
 
-/// Warns where a reward limits a change over a step on one side only: what an episode loses at once is limited, and what it gains back is
-/// not. The change of a limited value sums up to its end less its start.
+/// Warns where a reward limits a change over a step on one side only: what an episode loses at once
+/// is limited, and what it gains back is not. The change of a limited value sums up to its end less
+/// its start.
 fn check_limits(l: &mut Lowering<'_, '_>, name: &str, reward: ExprId, span: Span) {
     if limits_one_side(l, reward) {
         let message = format!("the reward `{name}` limits a change on one side only");
@@ -150,7 +152,8 @@ fn limits(l: &Lowering<'_, '_>, a: ExprId, b: ExprId) -> bool {
     (fixed(a) && change(b)) || (change(a) && fixed(b))
 }
 
-/// Returns `true` if an expression reads present values of what changes, and values of the step before.
+/// Returns `true` if an expression reads present values of what changes, and values of the step
+/// before.
 fn instants(l: &Lowering<'_, '_>, e: ExprId) -> (bool, bool) {
     let mut found = (false, false);
     for e in l.exprs.below([e]) {

@@ -1,7 +1,8 @@
 //! Assignments of one block of an instant: all right sides see the values before it.
 //!
-//! Assignments that read nothing set by an earlier one keep a nest each. Where one does, scalars share a nest, whose values are all computed before
-//! the first is stored, and with loops the old values are copied first.
+//! Assignments that read nothing set by an earlier one keep a nest each. Where one does, scalars
+//! share a nest, whose values are all computed before the first is stored, and with loops the old
+//! values are copied first.
 
 use smpl_dsl::span::Span;
 
@@ -80,7 +81,8 @@ impl Draft {
     }
 }
 
-/// The nests of assignments that see the values before all of them; with each, whether it is a `next`.
+/// The nests of assignments that see the values before all of them; with each, whether it is a
+/// `next`.
 fn together(l: &mut Lowering<'_, '_>, mut group: Vec<(bool, Assignment)>) -> Vec<Nest> {
     let reads_later = reads_what_is_set(l, &group);
     let scalar = group.iter().all(|(_, a)| a.extents.is_empty());
@@ -100,7 +102,8 @@ fn together(l: &mut Lowering<'_, '_>, mut group: Vec<(bool, Assignment)>) -> Vec
     nests
 }
 
-/// A value that an assignment reads: the element, where it is one, else the lowest and the highest one.
+/// A value that an assignment reads: the element, where it is one, else the lowest and the highest
+/// one.
 struct Read {
     var: VarId,
     flavour: Flavour,
@@ -129,8 +132,8 @@ fn target(store: &Store) -> Option<VarId> {
     }
 }
 
-/// Returns `true` if an assignment would see what an earlier one of the group, or an earlier pass of its own loops, has set. An algebraic variable and a rate follow
-/// everything that is set.
+/// Returns `true` if an assignment would see what an earlier one of the group, or an earlier pass
+/// of its own loops, has set. An algebraic variable and a rate follow everything that is set.
 fn reads_what_is_set(l: &Lowering<'_, '_>, group: &[(bool, Assignment)]) -> bool {
     let mut elements: FastSet<(VarId, i64)> = FastSet::default();
     let mut ranges: FastMap<VarId, Vec<(i64, i64)>> = FastMap::default();

@@ -1,36 +1,37 @@
-//! Where a condition is neither true nor false: something that it compares is not a number.
+//! Undefined conditions: neither true nor false, because a compared value is not a number.
 //!
-//! Logic of three values: `false and unknown` is false, `true or unknown` is true, a choice by an unknown condition is unknown. So a
-//! guard keeps its meaning: `x > 0 and ln(x) > 3` is false at x = -1.
+//! Logic of three values: `false and unknown` is false, `true or unknown` is true, a choice by an
+//! unknown condition is unknown. So a guard keeps its meaning: `x > 0 and ln(x) > 3` is false at x
+//! = -1.
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::symbols::Symbols;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, Exprs, FastMap, Flavour, ReduceFn, Role, UnaryFn};
 
-/// What is known of a node.
+/// Properties of a node.
 #[derive(Clone, Copy)]
 struct Doubt {
     /// It may be NaN: of states, actions and times the runtime knows that they are not.
     nan: bool,
-    /// Where it depends on an unknown condition, or is one.
+    /// Dependence on an unknown condition.
     unknown: ExprId,
 }
 
 type Doubts = FastMap<ExprId, Doubt>;
 
-/// What finding them needs.
+/// Data for the search.
 pub(in crate::elaborate) struct Doubting<'d, 'a> {
     exprs: &'d mut Exprs,
     symbols: &'d Symbols<'a>,
 }
 
-/// What finding where conditions are unknown needs.
+/// Data for the search of unknown conditions.
 pub(in crate::elaborate) fn doubting<'d, 'a>(l: &'d mut Lowering<'_, 'a>) -> Doubting<'d, 'a> {
     Doubting { exprs: l.exprs, symbols: l.symbols }
 }
 
 impl Doubting<'_, '_> {
-    /// Where a condition is unknown; the constant `false` for almost all.
+    /// Condition under which a condition is unknown; the constant `false` for almost all.
     pub(in crate::elaborate) fn unknown(&mut self, condition: ExprId) -> ExprId {
         let nodes = self.exprs.below_in_order([condition]);
         let mut doubts = Doubts::default();
@@ -41,7 +42,7 @@ impl Doubting<'_, '_> {
         doubts[&condition].unknown
     }
 
-    /// Where a value is a number; `None` where it is one everywhere.
+    /// Condition under which a value is a number; `None` if it always is.
     pub(in crate::elaborate) fn number(&mut self, value: ExprId) -> Option<ExprId> {
         let mut doubts = Doubts::default();
         for e in self.exprs.below_in_order([value]) {
@@ -112,7 +113,8 @@ impl Doubting<'_, '_> {
         unknown
     }
 
-    /// A comparison: unknown if one side is no number, or depends on something unknown. `any` and `all` over cells are comparisons, too.
+    /// A comparison: unknown if one side is no number, or depends on something unknown. `any` and
+    /// `all` over cells are comparisons, too.
     fn unknown_comparison(&mut self, e: ExprId, (op, a, b): (Compare, ExprId, ExprId), doubts: &Doubts) -> ExprId {
         let mut unknown = self.exprs.or(doubts[&a].unknown, doubts[&b].unknown);
         for side in [a, b].into_iter().filter(|side| doubts[side].nan) {

@@ -1,15 +1,15 @@
-//! What has bounds.
+//! Bounded quantities.
 
 use crate::elaborate::lower::loops::Piece;
 use crate::ir::{Affine, ExprId};
 use crate::model::BoxItem;
 
-/// What stands in a box: one number, or the elements of an array.
+/// Content of a box: one number, or the elements of an array.
 #[derive(Clone, Debug)]
 pub(in crate::elaborate) struct Bounded {
     /// Name, unit and bounds of each element.
     pub items: Vec<BoxItem>,
-    /// Which elements, and their values, in loops.
+    /// Elements and their values, in loops.
     pub pieces: Vec<Piece<(Affine, ExprId)>>,
 }
 

@@ -101,7 +101,7 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
     }
 }
 
-/// What is observed; its loops are not inside of others.
+/// Observed quantity; its loops are not inside others.
 fn observed_members(l: &mut Lowering<'_, '_>, span: Span, place: &Place, out: &mut Vec<Bounded>) {
     if place.depth > 0 && l.names.observed.iter().any(Bounded::has_loops) {
         let fault = Diagnostic::error(codes::WRONG_SHAPE, "the box of observed arrays inside of a loop", span);
@@ -111,7 +111,8 @@ fn observed_members(l: &mut Lowering<'_, '_>, span: Span, place: &Place, out: &m
     out.extend(l.names.observed.clone());
 }
 
-/// An element of a variable, which may depend on loops around; where all have the same bounds, those of one will do.
+/// An element of a variable, which may depend on loops around; where all have the same bounds,
+/// those of one will do.
 fn bounded_element(l: &mut Lowering<'_, '_>, symbol: SymbolId, at: Affine, span: Span) -> Option<Bounded> {
     let q = l.quantities.get(&variable(l, symbol)?)?;
     let bounds = q.low.len().max(q.high.len()) as i64;
@@ -180,7 +181,8 @@ fn refuse_target(l: &mut Lowering<'_, '_>, symbol: SymbolId, var: VarId, span: S
     );
 }
 
-/// The variable that a statement assigns: a symbol, and the element unless the whole array is meant.
+/// The variable that a statement assigns: a symbol, and the element unless the whole array is
+/// meant.
 pub(in crate::elaborate) fn target(
     l: &mut Lowering<'_, '_>,
     e: &Expr,

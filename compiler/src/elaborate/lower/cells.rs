@@ -14,7 +14,8 @@ use crate::ir::{LoopVar, MAX_DEPTH};
 const MOST_PASSES: i64 = 1_000_000_000;
 
 impl Lowering<'_, '_> {
-    /// Elaborates `body` over the cells `low..=high` as few loops as its stencils allow; gives back the pieces in order.
+    /// Elaborates `body` over the cells `low..=high` as few loops as its stencils allow; gives back
+    /// the pieces in order.
     pub(in crate::elaborate) fn cells<T>(
         &mut self,
         low: i64,
@@ -80,7 +81,8 @@ impl Lowering<'_, '_> {
         true
     }
 
-    /// Returns `true` if the cell is number `v` in all passes or in none; `None` after asking for a cut where it is so in some.
+    /// Returns `true` if the cell is number `v` in all passes or in none; `None` after asking for a
+    /// cut where it is so in some.
     pub(in crate::elaborate) fn is_number(&mut self, cell: Cell, v: i64) -> Option<bool> {
         let Some(along) = cell.along else { return Some(cell.first == v) };
         let (lowest, highest) = cell.ends();

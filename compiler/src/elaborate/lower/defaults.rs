@@ -17,8 +17,8 @@ use crate::model;
 /// An element, or all of them, and its number.
 type Set = (Option<i64>, f64);
 
-/// Definition of a parameter, state or discrete variable: for each piece of its elements the address and the value in its unit. What is
-/// set from outside comes last.
+/// Definition of a parameter, state or discrete variable: for each piece of its elements the
+/// address and the value in its unit. What is set from outside comes last.
 pub(in crate::elaborate) fn default_pieces(l: &mut Lowering<'_, '_>, symbol: SymbolId, site: Site) -> Vec<Piece<(Affine, ExprId)>> {
     let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { return Vec::new() };
     if l.symbols.vars[var].role != Role::Param {
@@ -94,8 +94,8 @@ fn missing_default(l: &mut Lowering<'_, '_>, path: &str, role: Role, span: Span,
     l.ledger.report(d);
 }
 
-/// Makes the default of a parameter known to constant evaluation, after those that it needs (with an explicit stack: chains may be
-/// long).
+/// Makes the default of a parameter known to constant evaluation, after those that it needs (with
+/// an explicit stack: chains may be long).
 pub(in crate::elaborate) fn know(l: &mut Lowering<'_, '_>, symbol: SymbolId) {
     let mut stack = vec![(symbol, None)];
     while let Some((symbol, pieces)) = stack.pop() {
@@ -139,7 +139,8 @@ fn remember(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, Exp
     }
 }
 
-/// The number that an expression of constants and parameters has with the parameters' defaults and means of random numbers.
+/// The number that an expression of constants and parameters has with the parameters' defaults and
+/// means of random numbers.
 pub(in crate::elaborate) fn constant_value(l: &mut Lowering<'_, '_>, e: ExprId) -> Option<f64> {
     if let Some(x) = l.exprs.as_const(e) {
         return Some(x);
@@ -163,7 +164,8 @@ pub(in crate::elaborate) fn mark_structural(l: &mut Lowering<'_, '_>, e: ExprId)
     l.constants.mark_structural(parameters.into_iter().map(|p| p.0));
 }
 
-/// What is set of a parameter, the whole before its elements, and whether nothing of its declaration is left.
+/// Set values of a parameter, the whole before its elements, and whether they replace all of its
+/// declaration.
 pub(in crate::elaborate) fn set_from_outside(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> (bool, Vec<Set>) {
     let path = l.symbols[symbol].path.clone();
     let options = l.input.options;

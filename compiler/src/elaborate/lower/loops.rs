@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{Affine, LoopVar};
 
-/// The cells (or faces) of a domain, or the numbers of a range, that one piece of an equation stands for: `first + step·l` for the
-/// passes `l < count` of a loop.
+/// The cells (or faces) of a domain, or the numbers of a range, that one piece of an equation
+/// stands for: `first + step·l` for the passes `l < count` of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Cell {
     /// Number (from 0) in the first pass.
@@ -50,7 +50,8 @@ impl Cell {
         Cell { first: n - self.first, step: if self.along.is_some() { -self.step } else { 1 }, ..self }
     }
 
-    /// The first pass in which it is settled otherwise than in the first one whether the number is at least `turn`.
+    /// The first pass in which it is settled otherwise than in the first one whether the number is
+    /// at least `turn`.
     pub(crate) fn turn(self, turn: i64) -> i64 {
         if self.step > 0 { turn - self.first } else { self.first - turn + 1 }
     }
@@ -78,7 +79,7 @@ pub(crate) struct Face {
 pub(crate) struct Piece<T> {
     /// Extents of the loops, the outermost first.
     pub extents: Vec<u32>,
-    /// What was made.
+    /// Result.
     pub value: T,
 }
 
@@ -96,6 +97,7 @@ pub(crate) struct Loop {
 pub(crate) struct Loops {
     /// By depth.
     pub frames: Vec<Loop>,
-    /// Indices over ranges of numbers that only count cells, in the statement that is being elaborated.
+    /// Indices over ranges of numbers that only count cells, in the statement that is being
+    /// elaborated.
     pub counted: Vec<(String, DomainId)>,
 }

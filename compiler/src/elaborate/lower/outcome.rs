@@ -1,4 +1,4 @@
-//! What the names of the episode stand for: `success`, `failure`, `timeout`, `reward`, `observations`.
+//! Meaning of the names of the episode: `success`, `failure`, `timeout`, `reward`, `observations`.
 
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Ident;
@@ -9,7 +9,7 @@ use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::ir::ExprId;
 
-/// What the names `success`, `failure`, `timeout` and `reward` stand for.
+/// Meaning of the names `success`, `failure`, `timeout` and `reward`.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::elaborate) struct Outcome {
     /// `success`
@@ -27,7 +27,7 @@ pub(in crate::elaborate) struct Outcome {
 pub(in crate::elaborate) struct EpisodeNames {
     /// Of the outcome.
     pub outcome: Option<Outcome>,
-    /// What is observed with its bounds, for failures on the box of the observations.
+    /// Observations with their bounds, for failures on the box of the observations.
     pub observed: Vec<Bounded>,
     /// The sampling interval in the unit of the time.
     pub step: f64,

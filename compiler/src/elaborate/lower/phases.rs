@@ -52,7 +52,8 @@ pub(in crate::elaborate) fn phase_comparison<'m, 'a>(l: &mut Lowering<'m, 'a>, a
     Some(Value::truth(expr))
 }
 
-/// Returns `true` if one of the indices is the phase in force; then the value is chosen among those of all phases.
+/// Returns `true` if one of the indices is the phase in force; then the value is chosen among those
+/// of all phases.
 pub(in crate::elaborate) fn by_phase(
     l: &mut Lowering<'_, '_>,
     symbol: SymbolId,

@@ -1,9 +1,10 @@
 //! Ranges of whole numbers as loops.
 //!
-//! A set of names is unrolled: what is said of water need not be said of salt. A range of numbers mostly counts: trays, cells of a
-//! battery, stages. It is elaborated as one loop first, with its index as a symbol. Where the body asks for more than a loop can
-//! give (a single number, an entry of a table, a neighbour beyond the range), every trace of the attempt is removed and the range is
-//! unrolled, with the same meaning and with the faults of its single members.
+//! A set of names is unrolled: what is said of water need not be said of salt. A range of numbers
+//! mostly counts: trays, cells of a battery, stages. It is elaborated as one loop first, with its
+//! index as a symbol. Where the body asks for more than a loop can give (a single number, an entry
+//! of a table, a neighbour beyond the range), every trace of the attempt is removed and the range
+//! is unrolled, with the same meaning and with the faults of its single members.
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
@@ -53,7 +54,8 @@ impl Lowering<'_, '_> {
         Some((low, high))
     }
 
-    /// Elaborates something with a range as a loop; `None`, and no trace of it, where that was refused or at fault.
+    /// Elaborates something with a range as a loop; `None`, and no trace of it, where that was
+    /// refused or at fault.
     pub(in crate::elaborate) fn attempt<T>(&mut self, body: impl FnOnce(&mut Self) -> T) -> Option<T> {
         let before = self.ledger.trace();
         self.ledger.speculation.begin();
@@ -67,7 +69,8 @@ impl Lowering<'_, '_> {
         Some(value)
     }
 
-    /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, `8 - i`, where `i` is bound to a range.
+    /// The numbers that an index expression stands for, `i`, `i + 2`, `1 + i`, `i - 1`, `8 - i`,
+    /// where `i` is bound to a range.
     pub(in crate::elaborate) fn run_index(&mut self, e: &Expr, place: &Place) -> Option<Cell> {
         match &e.kind {
             ExprKind::Name(name) => match place.bound(&name.text) {
@@ -87,7 +90,8 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// The entry of a table at an index that counts; none where one of those that it goes over is zero, since terms with it are none at all, or missing.
+    /// The entry of a table at an index that counts; none where one of those that it goes over is
+    /// zero, since terms with it are none at all, or missing.
     pub(in crate::elaborate) fn table_entry(&mut self, at: Affine, values: &[f64]) -> Option<ExprId> {
         let passes = std::array::from_fn(|d| self.loops.frames.get(d).map(|frame| frame.passes as u32));
         let (low, high) = at.reach(&passes);
@@ -122,8 +126,9 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// `i < 4`, `n == i`: decided where one side is an index and the other one a number that the size of some range depends on too, so
-    /// that it cannot change. A loop is cut where that holds in some passes only; what is made of this pass is thrown away then.
+    /// `i < 4`, `n == i`: decided where one side is an index and the other one a number that the
+    /// size of some range depends on too, so that it cannot change. A loop is cut where that holds
+    /// in some passes only; what is made of this pass is thrown away then.
     pub(in crate::elaborate) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
         let (numbers, op, n) = match (self.counted_index(a, place), self.counted_index(b, place)) {
             (Some(x), Some(y)) if (x.along, x.step) == (y.along, y.step) => return Some(holds(op, x.first, y.first)),
@@ -147,7 +152,8 @@ impl Lowering<'_, '_> {
 }
 
 impl<'a> Naming<'_, 'a> {
-    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond it, are unrolled and reported.
+    /// The members of a set that numbers of a range are; those of other sets, and numbers beyond
+    /// it, are unrolled and reported.
     pub(in crate::elaborate) fn run_members(&mut self, set: SetId, numbers: Cell) -> Option<Cell> {
         let len = self.symbols.sets[set].labels.len() as i64;
         let members = self.symbols.sets[set].first.map(|first| numbers.shifted(-first)).filter(|m| m.ends().0 >= 0 && m.ends().1 < len);
@@ -184,7 +190,8 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// Returns `true` if an index goes over the cells of a domain or over a range that may stay a loop.
+    /// Returns `true` if an index goes over the cells of a domain or over a range that may stay a
+    /// loop.
     pub(in crate::elaborate) fn may_run(&self, axis: Axis) -> bool {
         match axis {
             Axis::Domain(_) => true,

@@ -16,14 +16,14 @@ use crate::elaborate::space::grid;
 use crate::elaborate::symbols::DomainId;
 use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
-/// What is reduced over the binders that are left.
+/// Body of the reduction over the remaining binders.
 #[derive(Clone, Copy)]
 struct Reduced<'e> {
     body: &'e Expr,
     binders: &'e [Binder],
     condition: Option<&'e Expr>,
     kind: Terms,
-    /// How the body is read.
+    /// Reading of the body.
     read: Own,
 }
 
@@ -78,8 +78,9 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// The greatest or least of what a body is read as, over its binders: `number` makes a number of what was read, and of the condition under
-    /// which it counts. `None` where all that was read are truth values.
+    /// The greatest or least of what a body is read as, over its binders: `number` makes a number
+    /// of what was read, and of the condition under which it counts. `None` where all that was read
+    /// are truth values.
     pub(in crate::elaborate) fn extreme(
         &mut self,
         op: ReduceFn,
@@ -199,8 +200,8 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// Returns `true` if a term has sums that depend on its loops and not on what is around them: as a loop it would work them out again for each
-    /// pass around it; unrolled, they are shared.
+    /// Returns `true` if a term has sums that depend on its loops and not on what is around them:
+    /// as a loop it would work them out again for each pass around it; unrolled, they are shared.
     fn repeats_sums(&self, term: &Term) -> bool {
         let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);
         let around = self.exprs.free(term.value.expr) & !own;
@@ -344,7 +345,8 @@ impl Values<'_> {
         e
     }
 
-    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one again; the scale, where all are such.
+    /// Makes differences from the zero of their scale of temperatures in degC, whose mean is one
+    /// again; the scale, where all are such.
     fn as_differences(&mut self, terms: &mut [Term]) -> Option<Unit> {
         let point = |t: &Term| if let Measure::Of(unit) = &t.value.unit { units::is_point(unit).then(|| unit.clone()) } else { None };
         let scales: Vec<Unit> = terms.iter().map(point).collect::<Option<_>>()?;
@@ -357,7 +359,7 @@ impl Values<'_> {
     }
 }
 
-/// What becomes of the terms of a reduction.
+/// Combination of the terms of a reduction.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Terms {
     /// A range of numbers may stay a loop.
@@ -372,7 +374,7 @@ enum Terms {
 #[derive(Clone)]
 struct Term {
     value: Value,
-    /// What was written: the body, or the element of a tuple.
+    /// Source: the body, or the element of a tuple.
     span: Span,
     keep: Option<ExprId>,
     loops: Vec<(LoopVar, u32)>,

@@ -1,4 +1,5 @@
-//! Numbers that the compiler itself evaluates: sizes, indices, ends of ranges, sampling intervals. All of them are read here, with their units.
+//! Numbers that the compiler itself evaluates: sizes, indices, ends of ranges, sampling intervals.
+//! All of them are read here, with their units.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -128,7 +129,8 @@ fn number_or_fault(l: &mut Lowering<'_, '_>, v: &Value, span: Span) -> Option<f6
     }
 }
 
-/// The number of a value that sizes and indices are computed from; its parameters keep their numbers.
+/// The number of a value that sizes and indices are computed from; its parameters keep their
+/// numbers.
 fn number(l: &mut Lowering<'_, '_>, v: &Value, span: Span) -> Result<f64, Unusable> {
     let expr = pure(l, v, span)?;
     let Some(x) = defaults::constant_value(l, expr) else {

@@ -9,11 +9,11 @@ use crate::ir::ExprId;
 pub(crate) struct Value {
     /// The node.
     pub expr: ExprId,
-    /// What is known of its unit.
+    /// Knowledge of its unit.
     pub unit: Measure,
 }
 
-/// What is known of the unit of a value.
+/// Knowledge of the unit of a value.
 #[derive(Clone, Debug)]
 pub(crate) enum Measure {
     /// Part of an error already reported: fits everywhere.
@@ -22,9 +22,11 @@ pub(crate) enum Measure {
     Truth,
     /// The number 0 without a unit: fits every unit.
     Zero,
-    /// The sum of nothing, a 0 whose terms would have had a unit: whatever it is multiplied with fits every unit too.
+    /// The sum of nothing, a 0 whose terms would have had a unit: whatever it is multiplied with
+    /// fits every unit too.
     Nothing,
-    /// A pure number in which no declared quantity occurs: a place that declares a unit may take it as a number of that unit.
+    /// A pure number in which no declared quantity occurs: a place that declares a unit may take it
+    /// as a number of that unit.
     Bare,
     /// A quantity; the number counts this unit.
     Of(Unit),
@@ -61,7 +63,7 @@ impl Measure {
         }
     }
 
-    /// What a value of this measure and one of the other have in common: 0 fits everything; a pure number that meets a quantity is a
+    /// Common measure of two values: 0 fits everything; a pure number that meets a quantity is a
     /// dimensionless quantity and no longer a number for whatever unit is declared.
     pub(crate) fn beside(&self, other: &Measure) -> Measure {
         match (self, other) {

@@ -19,12 +19,12 @@ pub(in crate::elaborate) struct Values<'e> {
 }
 
 impl Lowering<'_, '_> {
-    /// What arithmetic needs.
+    /// Data of arithmetic.
     pub(in crate::elaborate) fn values(&mut self) -> Values<'_> {
         Values { exprs: self.exprs, ledger: self.ledger }
     }
 
-    /// What stands where a fault was reported: it fits everywhere.
+    /// Placeholder after a reported fault: it fits everywhere.
     pub(in crate::elaborate) fn poison(&mut self) -> Value {
         self.values().poison()
     }
@@ -60,7 +60,8 @@ impl Values<'_> {
             }
             Measure::Of(unit) => {
                 let unit = unit.clone();
-                // A dimensionless factor on a bare number (`value(x)*uniform(...)`) still is a number of the declared unit.
+                // A dimensionless factor on a bare number (`value(x)*uniform(...)`) still is a
+                // number of the declared unit.
                 if units::is_plain_number(&unit) && !units::is_dimensionless(target) {
                     return v.expr;
                 }
@@ -83,7 +84,8 @@ impl Values<'_> {
         self.strictly_in(v, unit, span, what, declared)
     }
 
-    /// A value as a number in `target`, strictly: a dimensionless number does not pass for a quantity.
+    /// A value as a number in `target`, strictly: a dimensionless number does not pass for a
+    /// quantity.
     pub(in crate::elaborate) fn strictly_in(&mut self, v: Value, target: &Unit, span: Span, what: &str, declared: Span) -> ExprId {
         match &v.unit {
             Measure::Bare if !units::is_dimensionless(target) => {
@@ -113,7 +115,8 @@ impl Values<'_> {
             }
             Measure::Of(unit) => {
                 let unit = unit.clone();
-                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a scale is a number first.
+                // A number gets the unit, `mg/g` and `%` included; a dimensionless quantity with a
+                // scale is a number first.
                 if units::is_plain_number(&unit) {
                     return Value::of(v.expr, target);
                 }
@@ -206,7 +209,8 @@ impl Values<'_> {
         Value::of(expr, result)
     }
 
-    /// Warns of a number without a unit beside a percentage or the like, where it is easily meant as one too.
+    /// Warns of a number without a unit beside a percentage or the like, where it is easily meant
+    /// as one too.
     pub(in crate::elaborate) fn warn_of_scale(&mut self, (a, sa): (&Value, Span), (b, sb): (&Value, Span)) {
         for ((number, span), quantity) in [((a, sa), b), ((b, sb), a)] {
             if let (Measure::Bare, Measure::Of(unit)) = (&number.unit, &quantity.unit)

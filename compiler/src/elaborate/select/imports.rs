@@ -7,8 +7,8 @@ use smpl_dsl::syntax::{File, Statement, StatementKind};
 
 use crate::elaborate::select::items::{Item, Selection, items, overlay, plain, selected};
 
-/// The items of `files[0]` and of its imports under a selection, and the imports that were not found; `imports` tells which file a path
-/// means.
+/// The items of `files[0]` and of its imports under a selection, and the imports that were not
+/// found; `imports` tells which file a path means.
 pub(in crate::elaborate) fn gathered<'a>(
     files: &'a [File],
     imports: &HashMap<String, usize>,

@@ -21,7 +21,8 @@ pub(in crate::elaborate) struct FaceValue {
     pub beside: ExprId,
     pub mark: ExprId,
     pub range: Interval,
-    /// An odd power of the time in its unit, as velocities and flows have it, and what they carry has not.
+    /// An odd power of the time in its unit, as velocities and flows have it, and what they carry
+    /// has not.
     pub odd: bool,
     /// Stands as velocity in a call of `upwind`.
     pub velocity: bool,
@@ -29,10 +30,11 @@ pub(in crate::elaborate) struct FaceValue {
     pub told: Option<ExprId>,
 }
 
-/// What a flux is elaborated with.
+/// Data of the elaboration of a flux.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Fluxes {
-    /// Face values of the flux that is being elaborated, where their directions are yet to be found.
+    /// Face values of the flux that is being elaborated, where their directions are yet to be
+    /// found.
     pub faces: Option<Vec<FaceValue>>,
     /// Face values are means of both cells: in a velocity.
     pub averaging: bool,

@@ -59,7 +59,8 @@ pub(in crate::elaborate) fn face_value<'m, 'a>(
     })
 }
 
-/// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in the cell so many above the face.
+/// A value at an inner face by the domain's scheme, from below or from above; `cell` gives it in
+/// the cell so many above the face.
 pub(in crate::elaborate) fn value_from_side<'m, 'a>(
     l: &mut Lowering<'m, 'a>,
     face: Face,
@@ -89,7 +90,8 @@ pub(in crate::elaborate) fn value_from_side<'m, 'a>(
     Value { expr, unit: left.unit }
 }
 
-/// How far a face lies beyond the centre of the cell near it, over the distance of that centre from the one behind.
+/// Distance of a face from the centre of the cell near it, over the distance of that centre from
+/// the one behind.
 fn beyond(l: &mut Lowering<'_, '_>, face: Face, near: i64, behind: i64) -> ExprId {
     if l.symbols.is_uniform(face.domain) {
         return l.exprs.constant(0.5);
@@ -194,7 +196,8 @@ fn beside(l: &mut Lowering<'_, '_>, face: Face, by: i64, e: &Expr, place: &Place
     l.value(e, &inner)
 }
 
-/// `upwind(v, c[z])`: the field from the side that the flow comes from, by the domain's scheme where that is a directed one.
+/// `upwind(v, c[z])`: the field from the side that the flow comes from, by the domain's scheme
+/// where that is a directed one.
 pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span, velocity: &Expr, field: &Expr, place: &Place) -> Value {
     let Some(face) = place.face else {
         return l.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`upwind` has a meaning inside a `flux` only", span));
@@ -228,7 +231,8 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
     Value { expr: l.exprs.unary(UnaryFn::Smooth, expr), unit: left.unit }
 }
 
-/// A mark for what a call of `upwind` carries at an end, where its velocity may turn and something asks which way it flows.
+/// A mark for what a call of `upwind` carries at an end, where its velocity may turn and something
+/// asks which way it flows.
 fn told(l: &mut Lowering<'_, '_>, beside: Value, velocity: ExprId, (span, face, place): (Span, Face, &Place)) -> Value {
     let Direction::When(holds) = forward(l, velocity) else { return beside };
     let Some(count) = l.fluxes.faces.as_ref().map(Vec::len).filter(|_| !beside.is_poison() && l.symbols.is_directed(face)) else {
@@ -251,7 +255,8 @@ fn told(l: &mut Lowering<'_, '_>, beside: Value, velocity: ExprId, (span, face, 
     Value { expr: mark, unit: beside.unit }
 }
 
-/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the end.
+/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the
+/// end.
 fn marked(
     l: &mut Lowering<'_, '_>,
     (symbol, index, span): (SymbolId, &[Expr], Span),

@@ -1,10 +1,10 @@
-//! Which way the terms of a flux flow.
+//! Direction of the terms of a flux.
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::space::marks::{self, Term};
 use crate::ir::{Compare, Expr as Node, ExprId, UnaryFn};
 
-/// Where a face value comes from.
+/// Source of a face value.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(in crate::elaborate::space) enum Direction {
     Below,

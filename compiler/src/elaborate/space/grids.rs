@@ -1,4 +1,4 @@
-//! Where the cells of domains lie, for who looks at a model from outside.
+//! Positions of the cells of domains, for users of a model.
 
 use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::{Lowering, defaults};
@@ -7,7 +7,8 @@ use crate::elaborate::symbols::DomainId;
 use crate::ir::{Affine, ExprId, Flavour, VarId};
 use crate::model::Grid;
 
-/// Where the cells of every domain lie, as far as parameters tell. A model at fault has none: what is wrong with its grids was said.
+/// Positions of the cells of every domain, as far as parameters determine them. A model at fault
+/// has none: what is wrong with its grids was said.
 pub(in crate::elaborate) fn grids(l: &mut Lowering<'_, '_>) -> Vec<Grid> {
     if l.ledger.reports.has_errors() {
         return Vec::new();

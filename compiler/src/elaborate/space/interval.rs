@@ -1,4 +1,5 @@
-//! What is known of the values of an expression, and of its slope in one of its nodes, from declared bounds and constants.
+//! Bounds of the values of an expression, and of its slope in one of its nodes, from declared
+//! bounds and constants.
 
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, ReduceFn, UnaryFn, VarId};
 
@@ -11,7 +12,7 @@ pub(crate) struct Interval {
     pub high: f64,
 }
 
-/// What a variable's elements may be.
+/// Possible values of a variable's elements.
 pub(crate) type Bounds<'a> = dyn Fn(VarId, Flavour, Affine) -> Interval + 'a;
 
 impl Interval {
@@ -97,12 +98,12 @@ struct Known {
     slope: Interval,
 }
 
-/// What an expression may be.
+/// Possible values of an expression.
 pub(crate) fn values(exprs: &Exprs, e: ExprId, bounds: &Bounds<'_>) -> Interval {
     known(exprs, e, None, bounds).value
 }
 
-/// What the derivative of an expression with respect to a node in it may be.
+/// Possible values of the derivative of an expression with respect to a node in it.
 pub(crate) fn slopes(exprs: &Exprs, e: ExprId, by: ExprId, bounds: &Bounds<'_>) -> Interval {
     known(exprs, e, Some(by), bounds).slope
 }

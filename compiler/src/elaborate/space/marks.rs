@@ -29,7 +29,7 @@ pub(in crate::elaborate::space) enum Marks {
 pub(in crate::elaborate::space) struct Term {
     /// Factors, and whether they divide.
     pub factors: Vec<(ExprId, bool)>,
-    /// What has marks.
+    /// Expressions with marks.
     pub rest: ExprId,
     pub marks: Marks,
     /// Brackets behind a factor in which it stands, and its own factor in there.
@@ -48,14 +48,14 @@ pub(in crate::elaborate) struct Reading<'r, 'a> {
     builtins: VarId,
 }
 
-/// What reads expressions with marks.
+/// Reader of expressions with marks.
 pub(in crate::elaborate) fn reading<'r, 'a>(l: &'r Lowering<'_, 'a>) -> Reading<'r, 'a> {
     let builtins = l.hidden.builtins;
     Reading { exprs: l.exprs, symbols: l.symbols, quantities: l.quantities, fluxes: l.fluxes, builtins }
 }
 
 impl Reading<'_, '_> {
-    /// What is declared of an element.
+    /// Declared bounds of an element.
     pub(in crate::elaborate::space) fn declared_range(&self, var: VarId, flavour: Flavour, at: Affine) -> Interval {
         if let Some(face) = self.mark_of(var, at) {
             return self.fluxes.faces.as_ref().and_then(|f| f.get(face)).map_or(Interval::ALL, |f| f.range);
@@ -71,7 +71,7 @@ impl Reading<'_, '_> {
         (var == self.builtins && at.offset >= MARK).then(|| (at.offset - MARK) as usize)
     }
 
-    /// What an expression may be by declared bounds.
+    /// Possible values of an expression by declared bounds.
     pub(in crate::elaborate::space) fn interval(&self, e: ExprId) -> Interval {
         interval::values(self.exprs, e, &|var, flavour, at| self.declared_range(var, flavour, at))
     }
@@ -147,7 +147,7 @@ impl Reading<'_, '_> {
         term
     }
 
-    /// What the factors of a term may be.
+    /// Possible values of the factors of a term.
     pub(in crate::elaborate::space) fn factor_range(&self, factors: &[(ExprId, bool)]) -> Interval {
         factors.iter().fold(Interval::of(1.0), |product, &(e, divides)| {
             let range = self.interval(e);
@@ -155,7 +155,8 @@ impl Reading<'_, '_> {
         })
     }
 
-    /// Returns `true` if a variable may be what carries the others: of any sign, and by its unit a velocity or a flow.
+    /// Returns `true` if a variable may be what carries the others: of any sign, and by its unit a
+    /// velocity or a flow.
     pub(in crate::elaborate::space) fn may_be_velocity(&self, node: ExprId) -> bool {
         let Node::Load { var, at, .. } = self.exprs.node(node) else { return false };
         if self.interval(node).is_not_negative() {
@@ -170,7 +171,7 @@ impl Reading<'_, '_> {
         }
     }
 
-    /// What a condition turns by: nodes of no known sign in it.
+    /// Nodes without a known sign in a condition, by which it turns.
     pub(in crate::elaborate::space) fn velocities(&self, holds: ExprId) -> FastSet<ExprId> {
         let mut moving = FastSet::default();
         let mut fixed = FastSet::default();

@@ -36,7 +36,8 @@ pub(in crate::elaborate::space) fn placed(l: &mut Lowering<'_, '_>, v: Value, fl
     Some(Value { expr, unit: v.unit })
 }
 
-/// Returns `true` if what depends on one face value alone rises from one side's value to the other's.
+/// Returns `true` if what depends on one face value alone rises from one side's value to the
+/// other's.
 fn mean_slope(l: &mut Lowering<'_, '_>, terms: &[Term], mark: usize, faces: &[FaceValue], (below, above): (ExprId, ExprId)) -> ExprId {
     let mut total = l.exprs.constant(0.0);
     for term in terms.iter().filter(|t| t.marks == Marks::One(mark)) {
@@ -83,7 +84,8 @@ pub(in crate::elaborate::space) fn mean_of<'m, 'a>(l: &mut Lowering<'m, 'a>, f: 
     field::interpolate(l, f.face, left, right)
 }
 
-/// A flux given at an end with what the flow carries out while it leaves there; `None` where nothing has to be changed.
+/// A flux given at an end with what the flow carries out while it leaves there; `None` where
+/// nothing has to be changed.
 pub(in crate::elaborate::space) fn turning(
     l: &mut Lowering<'_, '_>,
     (given, text, outer): (&Value, &Expr, &Place),
@@ -198,7 +200,8 @@ fn carried_bare(l: &mut Lowering<'_, '_>, flow: &Flow, velocities: &FastSet<Expr
     all.into_iter().filter(|&e| marks::reading(l).beside_velocity(e, velocities).is_some()).collect()
 }
 
-/// What a flow carries out of an end while `holds` says so: the terms whose fields come from there, and `bare` ones.
+/// Outflow at an end under the condition `holds`: the terms whose fields come from there, and
+/// `bare` ones.
 fn carried_out(l: &mut Lowering<'_, '_>, flow: &Flow, faces: &[FaceValue], holds: ExprId, bare: &[ExprId]) -> ExprId {
     let mut out = sum_of(l, bare);
     for term in &flow.terms {

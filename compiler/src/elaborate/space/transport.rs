@@ -1,9 +1,11 @@
-//! Which way a flux flows: the cells from which its face values come.
+//! Direction of a flux: the cells from which its face values come.
 //!
-//! Where a domain has a directed scheme, the inner expression of a flux is elaborated with a *mark* in place of each face value first.
-//! It is taken apart into terms, a product of *factors* without marks and of a rest with marks. The sign of the factors says from which
-//! side the values of the rest come. Where bounds and constants tell that all come from below, every trace of this is removed and the
-//! flux is elaborated with those cells at once; else the marks are replaced by the values of one side, or by a choice.
+//! Where a domain has a directed scheme, the inner expression of a flux is elaborated with a *mark*
+//! in place of each face value first. It is taken apart into terms, a product of *factors* without
+//! marks and of a rest with marks. The sign of the factors says from which side the values of the
+//! rest come. Where bounds and constants tell that all come from below, every trace of this is
+//! removed and the flux is elaborated with those cells at once; else the marks are replaced by the
+//! values of one side, or by a choice.
 
 use smpl_dsl::diagnostic::Diagnostic;
 use smpl_dsl::syntax::{Expr, Flux};
@@ -16,7 +18,7 @@ use crate::elaborate::space::flow::Direction;
 use crate::elaborate::space::{directions, placed};
 use crate::elaborate::symbols::{Scheme, Symbols};
 
-/// What came of the elaboration with marks.
+/// Result of the elaboration with marks.
 enum Outcome {
     /// As if all came from below; also where there are faults, which the usual way reports.
     Plain,
@@ -44,7 +46,8 @@ pub(in crate::elaborate) fn directed(l: &mut Lowering<'_, '_>, flux: &Flux, plac
     }
 }
 
-/// The flux given at an end, where the flow may turn: what is carried in holds while the flow enters, else the cell's own value.
+/// The flux given at an end, where the flow may turn: what is carried in holds while the flow
+/// enters, else the cell's own value.
 ///
 /// `text` is what is given, `outer` where it stands: outside of the flux's own index.
 pub(in crate::elaborate) fn entering(

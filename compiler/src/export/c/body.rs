@@ -1,7 +1,9 @@
-//! Bodies of C functions: each value is computed in the innermost loop whose counter it depends on, once.
+//! Bodies of C functions: each value is computed in the innermost loop whose counter it depends on,
+//! once.
 //!
-//! The loops around the present place are a stack of texts. A value is written into the text of its loop, that is before whatever loop
-//! inside of it is open; when a loop is closed its text goes into the one around it.
+//! The loops around the present place are a stack of texts. A value is written into the text of its
+//! loop, that is before whatever loop inside of it is open; when a loop is closed its text goes
+//! into the one around it.
 
 use std::fmt::Write as _;
 
@@ -18,7 +20,7 @@ struct Scope {
     /// The loop; `None` for a plain block.
     counter: Option<(u8, u32)>,
     text: String,
-    /// How each value that is computed here is called.
+    /// Names of the values computed here.
     known: FastMap<ExprId, String>,
 }
 

@@ -1,4 +1,5 @@
-//! Subscripts: affine in the counters where that is what the positions are, else looked up in a table.
+//! Subscripts: affine in the counters where that is what the positions are, else looked up in a
+//! table.
 
 use std::fmt::Write as _;
 

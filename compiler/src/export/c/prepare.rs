@@ -1,4 +1,4 @@
-//! What does not change within a step, computed ahead.
+//! Values that do not change within a step, computed in advance.
 
 use crate::export::ExportError;
 use crate::export::functions::{extents, spread};
@@ -7,7 +7,8 @@ use crate::hoist::{Hoister, Stage};
 use crate::ir::{self, Affine, Flavour, Place, Role, Target, VarId};
 use crate::schedule::Staged;
 
-/// Replaces what actions and parameters alone determine by elements of `w`; the nests that fill it, stage after stage, and its length.
+/// Replaces what actions and parameters alone determine by elements of `w`; the nests that fill it,
+/// stage after stage, and its length.
 pub(super) fn hoist(sheet: &mut Sheet) -> Result<(Vec<Vec<Nest>>, u32), ExportError> {
     let before = sheet.model.vars.len();
     let mut hoister = Hoister::new(&mut sheet.model);

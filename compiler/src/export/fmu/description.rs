@@ -94,7 +94,8 @@ fn bound(variable: &Variable, of: impl Fn(&crate::export::Element) -> f64, wides
     (all.is_finite() && inside).then_some(all)
 }
 
-/// The nominal value of a state times the tolerance is what an importer's integrator takes as absolute tolerance: it is the model's.
+/// The nominal value of a state times the tolerance is what an importer's integrator takes as
+/// absolute tolerance: it is the model's.
 fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
     let tag = if variable.kind == Kind::Switch { "Boolean" } else { "Float64" };
     let mut xml = format!("    <{tag} name=\"{}\" valueReference=\"{reference}\"", escaped(&variable.name));
@@ -149,7 +150,7 @@ fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
     xml + "    </" + tag + ">\n"
 }
 
-/// What is computed from what: everything may depend on everything that is known.
+/// Dependencies: everything may depend on every known value.
 fn structure(list: &[Variable]) -> String {
     let mut xml = String::from("  <ModelStructure>\n");
     let mut tell = |tag: &str, wanted: &dyn Fn(&Variable) -> bool| {
@@ -165,7 +166,7 @@ fn structure(list: &[Variable]) -> String {
     xml + "  </ModelStructure>\n"
 }
 
-/// How to build the binary.
+/// Build instructions of the binary.
 pub(super) fn build(parts: &Parts<'_>, sources: &[(String, String)]) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiBuildDescription fmiVersion=\"3.0\">\n");
     let _ = writeln!(xml, "  <BuildConfiguration modelIdentifier=\"{}\">\n    <SourceFileSet language=\"C99\">", parts.identifier);
@@ -175,7 +176,8 @@ pub(super) fn build(parts: &Parts<'_>, sources: &[(String, String)]) -> String {
     xml + "    </SourceFileSet>\n  </BuildConfiguration>\n</fmiBuildDescription>\n"
 }
 
-/// One line for each number: variable, place in it from 0, name in the model, unit, bounds, magnitude, start value.
+/// One line for each number: variable, place in it from 0, name in the model, unit, bounds,
+/// magnitude, start value.
 pub(super) fn elements(parts: &Parts<'_>) -> String {
     let mut text = String::from("variable,place,name,unit,low,high,scale,start\n");
     let field = |text: &str| {

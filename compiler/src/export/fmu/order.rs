@@ -1,4 +1,5 @@
-//! The order in which columns are eliminated: the one with the fewest neighbours first, so that the factors stay sparse.
+//! The order in which columns are eliminated: the one with the fewest neighbours first, so that the
+//! factors stay sparse.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};

@@ -1,4 +1,5 @@
-//! Derivatives for directional derivatives: of the residual by inputs, of outputs and observations by unknowns, rates and inputs.
+//! Derivatives for directional derivatives: of the residual by inputs, of outputs and observations
+//! by unknowns, rates and inputs.
 
 use crate::differentiate::pattern::each;
 use crate::differentiate::{self, Column, Rows};
@@ -7,7 +8,7 @@ use crate::export::sheet::{Array, Function, Nest, Sheet, Store};
 use crate::ir::{Affine, FastMap, Flavour, Role, VarId};
 use crate::schedule::row_major;
 
-/// Where the non-zeros of the function `partials` are.
+/// Places of the nonzeros of the function `partials`.
 pub(super) struct Partials {
     /// Row of each: residual, outputs, observations one after another.
     pub rows: Vec<u32>,
@@ -92,7 +93,8 @@ impl Columns {
     }
 }
 
-/// The derivatives of what a nest stores: the row where they begin, and a nest whose positions are rows, then columns.
+/// The derivatives of what a nest stores: the row where they begin, and a nest whose positions are
+/// rows, then columns.
 fn differentiate(
     sheet: &mut Sheet,
     columns: &Columns,

@@ -9,8 +9,9 @@ use crate::model::PortMember;
 
 /// The terminals; `None` where no component has ports.
 ///
-/// Connected ports of a model are equal member by member, so that all members are signals. An importer connects inputs and outputs: a member
-/// is the input that it is equal to, or else the output that shows it.
+/// Connected ports of a model are equal member by member, so that all members are signals. An
+/// importer connects inputs and outputs: a member is the input that it is equal to, or else the
+/// output that shows it.
 pub(super) fn describe(parts: &Parts<'_>) -> Option<String> {
     let ports = &parts.sheet.model.interface.ports;
     if ports.is_empty() {

@@ -7,7 +7,7 @@ use crate::model::{Quantity, Time};
 
 use super::units;
 
-/// What holds a variable, by the names of the tables.
+/// Storage of a variable, by the names of the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Time,
@@ -22,7 +22,7 @@ pub(super) enum Source {
     Switch,
 }
 
-/// What it is to those outside.
+/// Public role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Time,
@@ -50,7 +50,7 @@ pub(super) struct Variable {
     /// Lengths of its axes; none for a scalar.
     pub shape: Vec<usize>,
     pub elements: Vec<Element>,
-    /// Where the elements are in what holds them.
+    /// Places of the elements in their storage.
     pub places: Vec<u32>,
     /// A state with elements that an event or a sampling instant sets.
     pub reinit: bool,
@@ -167,7 +167,8 @@ impl Variables {
         }
     }
 
-    /// What has the name of one before it is the same thing seen again (an algebraic variable that is an output too), or is told apart.
+    /// Renames variables with the name of an earlier one, such as an algebraic variable that is an
+    /// output too.
     fn make_unique(&mut self) {
         let mut known: FastSet<String> = FastSet::default();
         for variable in &mut self.list {
