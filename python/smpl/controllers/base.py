@@ -33,11 +33,11 @@ class Controller(Protocol):
 
 
 class TakesWrapped(Recorded):
-    """What is given an environment may be given the one that `gymnasium.make` returns, wrappers and all.
+    """A controller. Its environment may be the one that `gymnasium.make` returns, with wrappers.
 
     Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
 
-    `action` before `reset` is refused, unless a subclass with `needs_reset=False` has nothing that a reset prepares.
+    `action` before `reset` is refused, unless a subclass with `needs_reset=False` needs no preparation by a reset.
     """
 
     _needs_reset = True
