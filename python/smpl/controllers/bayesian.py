@@ -1,7 +1,8 @@
 """Bayesian optimisation of recipes and set-points: a Gaussian process with expected improvement.
 
-D. R. Jones, M. Schonlau, W. J. Welch, Journal of Global Optimization 13 (1998) 455-492; batches by the constant liar of
-D. Ginsbourger, R. Le Riche, L. Carraro (2010). The Gaussian process is scikit-learn's.
+D. R. Jones, M. Schonlau, W. J. Welch, Journal of Global Optimization 13 (1998) 455-492; batches by
+the constant liar of D. Ginsbourger, R. Le Riche, L. Carraro (2010). The Gaussian process is
+scikit-learn's.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Direct collocation: an optimal control problem over a horizon as a sparse nonlinear programme.
 
-L. T. Biegler, Nonlinear Programming (2010), chapter 10. States on an element are the polynomial through its start and
-its nodes, the last of which is its end; the equations hold at the nodes; actions are constant over an interval.
-Variables and constraints are ordered stage by stage, states first, as fatrop's recursion takes them (L. Vanroye et al.,
-IROS 2023).
+L. T. Biegler, Nonlinear Programming (2010), chapter 10. States on an element are the polynomial
+through its start and its nodes, the last of which is its end; the equations hold at the nodes;
+actions are constant over an interval. Variables and constraints are ordered stage by stage, states
+first, as fatrop's recursion takes them (L. Vanroye et al., IROS 2023).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """State estimation from an observation level: what filters and estimators over a window have in common.
 
-The prediction is the model's own step (`Model.rollout`), so that phases, events, sums over a step and clamps are those
-of the plant; its derivatives are exact (`Model.linearize_step`), and differences of rollouts where a step has none. The
-derivatives of readings, which no integration blurs, are central differences.
+The prediction is the model's own step (`Model.rollout`), so that phases, events, sums over a step
+and clamps are those of the plant; its derivatives are exact (`Model.linearize_step`), and
+differences of rollouts where a step has none. The derivatives of readings, which no integration
+blurs, are central differences.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Controllers with full information: they know the state, the parameters of the episode and the model of the plant.
 
-They are references, not upper bounds: their horizon is finite and their search is local, so that a learned policy can
-have a higher return. Smooth and small models are optimised by collocation, the others by sampling around the actions of
-the nominal policy, which are among the samples: within its horizon such a controller is not worse than the nominal
-policy. That of the antibody plant samples the settings of a batch and the time at which the columns swap.
+They are references, not upper bounds: their horizon is finite and their search is local, so that a
+learned policy can have a higher return. Smooth and small models are optimised by collocation, the
+others by sampling around the actions of the nominal policy, which are among the samples: within its
+horizon such a controller is not worse than the nominal policy. That of the antibody plant samples
+the settings of a batch and the time at which the columns swap.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Baselines of the gallery: decentralised loops, `pid`, and the recipes of batches, `recipe`.
 
-Gains are in the units of the action over those of the measurement, times in the model's unit of time. Set-points that
-move are observed as errors, of which the set-point is 0.
+Gains are in the units of the action over those of the measurement, times in the model's unit of
+time. Set-points that move are observed as errors, of which the set-point is 0.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Identity of a controller: what made it, as text, so that a collection is continued with the same one only.
 
-Compared are the class and the constructor arguments of an object, the qualified name and `version` of a function, and
-the digest of a policy file (`smpl.learning.agents.described`). Code is not compared: raise `version` when it changes.
+Compared are the class and the constructor arguments of an object, the qualified name and `version`
+of a function, and the digest of a policy file (`smpl.learning.agents.described`). Code is not
+compared: raise `version` when it changes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Linear-quadratic control of any model, from its exact linearisation.
 
-K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (1997), chapter 11; sampling of system and cost by matrix
+K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (1997), chapter 11; sampling of system
+and cost by matrix
 exponentials: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395-404.
 """
 

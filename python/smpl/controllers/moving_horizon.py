@@ -1,7 +1,8 @@
 """Moving-horizon estimation: a bounded least-squares problem over the last steps.
 
-C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258; the states of all
-steps of the window are unknowns (multiple shooting), the optimiser is SciPy's trust-region reflective Gauss-Newton.
+C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258;
+the states of all steps of the window are unknowns (multiple shooting), the optimiser is SciPy's
+trust-region reflective Gauss-Newton.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Nonlinear and economic model predictive control of any model, by direct collocation (extra `mpc`: CasADi).
 
-The equations are those of the model itself, exported as CasADi functions. J. B. Rawlings, D. Q. Mayne, M. Diehl, Model
-Predictive Control (2017); offset-free tracking by a disturbance estimate: G. Pannocchia, J. B. Rawlings, AIChE Journal
-49 (2003) 426-437.
+The equations are those of the model itself, exported as CasADi functions. J. B. Rawlings, D. Q.
+Mayne, M. Diehl, Model Predictive Control (2017); offset-free tracking by a disturbance estimate: G.
+Pannocchia, J. B. Rawlings, AIChE Journal 49 (2003) 426-437.
 """
 
 from __future__ import annotations

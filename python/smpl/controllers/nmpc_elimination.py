@@ -1,9 +1,9 @@
 """Elimination of explicit unknowns from the equations of a point: rates and algebraic variables that appear linearly.
 
-The block triangular form of the equations (A. Pothen, C.-J. Fan, ACM Transactions on Mathematical Software 16 (1990)
-303-324) orders them so that each block is solved with those before it. A small block in which its own unknowns are
-linear is solved symbolically: a mass matrix M(x) x' = f(x), or an algebraic variable that an equation defines. All
-others stay unknowns of the collocation.
+The block triangular form of the equations (A. Pothen, C.-J. Fan, ACM Transactions on Mathematical
+Software 16 (1990) 303-324) orders them so that each block is solved with those before it. A small
+block in which its own unknowns are linear is solved symbolically: a mass matrix M(x) x' = f(x), or
+an algebraic variable that an equation defines. All others stay unknowns of the collocation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The model of a predictive controller: CasADi expressions of its variables and given values.
 
-States of the chosen part, algebraic variables and actions are variables; whatever else the expressions read
-(parameters, discrete variables, states of the rest of the plant, values at other instants) is *given* anew at every
-decision, by the name of its symbol: `p:T_f`, `x:h`, `steady:T`.
+States of the chosen part, algebraic variables and actions are variables; whatever else the
+expressions read (parameters, discrete variables, states of the rest of the plant, values at other
+instants) is *given* anew at every decision, by the name of its symbol: `p:T_f`, `x:h`, `steady:T`.
 """
 
 from __future__ import annotations

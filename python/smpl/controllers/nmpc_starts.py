@@ -1,9 +1,10 @@
 """Simulated results of plans: first guesses, what a solver left unfinished, errors of predictions.
 
-An economic optimum is one of several, and which of them a solver ends at depends on where it begins. Many plans are
-simulated here, and the best are where it begins (A. H. G. Rinnooy Kan, G. T. Timmer, Mathematical Programming 39 (1987)
-27-56). At a kink (`max`, `if`) a solver may alternate around an optimum without end: the plan that it has then is
-followed by the equations, and counts by what it leads to.
+An economic optimum is one of several, and which of them a solver ends at depends on where it
+begins. Many plans are simulated here, and the best are where it begins (A. H. G. Rinnooy Kan, G. T.
+Timmer, Mathematical Programming 39 (1987) 27-56). At a kink (`max`, `if`) a solver may alternate
+around an optimum without end: the plan that it has then is followed by the equations, and counts by
+what it leads to.
 """
 
 from __future__ import annotations

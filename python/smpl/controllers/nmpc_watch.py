@@ -1,9 +1,9 @@
 """Calls of CasADi's solvers that an interrupt or a time limit ends.
 
-A callback stops a solver after its iteration at the time limit, and where the handler of a signal raises an exception.
-fatrop has no callback and ignores interrupts: it works in a separate thread, in which CasADi has released the
-interpreter lock. The calling thread waits for it, handles signals, and leaves it alone at the time limit; it then ends
-at its limit of iterations.
+A callback stops a solver after its iteration at the time limit, and where the handler of a signal
+raises an exception. fatrop has no callback and ignores interrupts: it works in a separate thread,
+in which CasADi has released the interpreter lock. The calling thread waits for it, handles signals,
+and leaves it alone at the time limit; it then ends at its limit of iterations.
 """
 
 from __future__ import annotations

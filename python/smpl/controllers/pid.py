@@ -1,8 +1,9 @@
 """Proportional-integral-derivative control of any model, by names.
 
-The algorithm is that of K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (1997), section 8.5: set-point
-weight, filtered derivative of the measurement by backward differences, integral by forward differences, and back
-calculation against windup. With the sampling interval h, set-point r, measurement y:
+The algorithm is that of K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (1997), section
+8.5: set-point weight, filtered derivative of the measurement by backward differences, integral by
+forward differences, and back calculation against windup. With the sampling interval h, set-point r,
+measurement y:
 
     P_k = K (b r_k - y_k)
     D_k = T_d/(T_d + N h) D_(k-1) - K T_d N/(T_d + N h) (y_k - y_(k-1))

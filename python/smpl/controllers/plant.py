@@ -1,7 +1,8 @@
 """Sampling-based predictive control of the antibody plant: a decision a batch.
 
-Plans of 25 h say what the next batch is run with (elution, flush, modifier) and when the columns swap. Phases, swaps
-and events are simulated as they are; nothing of the plant is written again here.
+Plans of 25 h say what the next batch is run with (elution, flush, modifier) and when the columns
+swap. Phases, swaps and events are simulated as they are; nothing of the plant is written again
+here.
 """
 
 from __future__ import annotations

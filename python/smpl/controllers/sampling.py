@@ -1,8 +1,9 @@
 """Predictive control by sampling: many sequences of actions are simulated by the model itself, and the good ones count.
 
-Model predictive path integral: G. Williams, A. Aldrich, E. A. Theodorou, Journal of Guidance, Control, and Dynamics 40
-(2017) 344-357; cross-entropy: R. Y. Rubinstein, D. P. Kroese, The Cross-Entropy Method (2004). No derivative is needed,
-so that phases, events, recipes and integer actions are possible.
+Model predictive path integral: G. Williams, A. Aldrich, E. A. Theodorou, Journal of Guidance,
+Control, and Dynamics 40 (2017) 344-357; cross-entropy: R. Y. Rubinstein, D. P. Kroese, The
+Cross-Entropy Method (2004). No derivative is needed, so that phases, events, recipes and integer
+actions are possible.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Tuning of PID loops: SIMC from the linearisation, and the relay experiment.
 
-S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, Journal of Process Control 13 (2003)
-291-309; K. J. Astrom and T. Hagglund, Automatica 20 (1984) 645-651; B. D. Tyreus and W. L. Luyben, Industrial and
-Engineering Chemistry Research 31 (1992) 2625-2628.
+S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, Journal of
+Process Control 13 (2003) 291-309; K. J. Astrom and T. Hagglund, Automatica 20 (1984) 645-651; B. D.
+Tyreus and W. L. Luyben, Industrial and Engineering Chemistry Research 31 (1992) 2625-2628.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@
     functions = smpl.export.casadi(model)
     tree = smpl.export.json(model)
 
-`text` and `write` give the files that `smpl export` writes; the other functions build what the target is made of.
-docs/export.md describes each form.
+`text` and `write` give the files that `smpl export` writes; the other functions build what the
+target is made of. docs/export.md describes each form.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Searches without derivatives for the largest value of a function that is evaluated in batches.
 
-Covariance matrix adaptation: N. Hansen, A. Ostermeier, Evolutionary Computation 9 (2001) 159-195, by the package `cma`,
-restarted with twice the population where it has converged (A. Auger, N. Hansen, CEC 2005). Differential evolution:
-R. Storn, K. Price, Journal of Global Optimization 11 (1997) 341-359, by SciPy. Bayesian optimisation: see
-`smpl.controllers.BayesianOptimization`.
+Covariance matrix adaptation: N. Hansen, A. Ostermeier, Evolutionary Computation 9 (2001) 159-195,
+by the package `cma`, restarted with twice the population where it has converged (A. Auger, N.
+Hansen, CEC 2005). Differential evolution: R. Storn, K. Price, Journal of Global Optimization 11
+(1997) 341-359, by SciPy. Bayesian optimisation: see `smpl.controllers.BayesianOptimization`.
 """
 
 from __future__ import annotations

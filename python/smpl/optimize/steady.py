@@ -1,8 +1,9 @@
 """The best steady state of a model: sequential quadratic programming in the free inputs, with exact derivatives.
 
-The steady state is solved for at every point (the reduced-space method), and its derivatives follow from the implicit
-function theorem: with rates f(x, u) = 0 and a goal g(x, u), dg/du = g_u - g_x f_x^-1 f_u. f_x, f_u, g_x and g_u are the
-model's own derivatives. The quadratic programmes are those of SciPy's SLSQP (D. Kraft, 1988).
+The steady state is solved for at every point (the reduced-space method), and its derivatives follow
+from the implicit function theorem: with rates f(x, u) = 0 and a goal g(x, u), dg/du = g_u - g_x
+f_x^-1 f_u. f_x, f_u, g_x and g_u are the model's own derivatives. The quadratic programmes are
+those of SciPy's SLSQP (D. Kraft, 1988).
 """
 
 from __future__ import annotations
