@@ -26,8 +26,9 @@ def do_mpc(
 
     Every state, algebraic variable and action is a variable with its name.
     Every character except a letter, digit or underscore becomes an underscore (`c[1,2]` is `c_1_2`).
-    A model of more than 200 states has one vector `x`, and one `z`. Outputs, observations and rewards that (x, z, u, p) determine are expressions: `NAME`, `obs_NAME`,
-    `reward_NAME`.
+    A model of more than 200 states has one vector `x`, and one `z`.
+    Outputs, observations and rewards that (x, z, u, p) determine are expressions: `NAME`,
+    `obs_NAME`, `reward_NAME`.
 
     Args:
         model: a compiled model, explicit in its rates.
