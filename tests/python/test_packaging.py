@@ -107,7 +107,7 @@ def test_what_a_package_index_shows_links_to_no_file_of_the_repository():
 
 
 def test_every_extra_is_of_use():
-    """Something in the package or its benchmark imports each optional package, by its name there; `fmu` simulates what was exported."""
+    """Something in the package or its benchmark imports each optional package, by its name there."""
     sources = "".join(path.read_text() for path in ROOT.glob("python/**/*.py"))
     # Minari stores data sets with h5py.
     imported = {"stable-baselines3": "stable_baselines3", "h5py": "minari", "scikit-learn": "sklearn", "pyyaml": "yaml"}

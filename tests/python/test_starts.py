@@ -1,4 +1,4 @@
-"""Starts: conditions on anything, blocks, failed starts as data, stored starts, and control steps repeated with the other method."""
+"""Starts: conditions, blocks, failed starts as data, stored starts, trims, and steps repeated by the other method."""
 
 import json
 import math
@@ -39,7 +39,14 @@ def start(source, **options):
     made = env(source)
     made.reset(seed=1, options=options or None)
     inner = made.unwrapped
-    return dict(zip(inner.state_names, inner.state, strict=True)) | dict(zip(inner.algebraic_names, inner.algebraic, strict=True))
+    names, values = (*inner.state_names, *inner.algebraic_names), (*inner.state, *inner.algebraic)
+    return dict(zip(names, values, strict=True))
+
+
+def command(*arguments):
+    """Standard output of the command `smpl`."""
+    words = [sys.executable, "-m", "smpl", *map(str, arguments)]
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout
 
 
 def test_a_pressure_determines_the_amount_of_gas():
@@ -83,7 +90,8 @@ episode {{ step = 1 [min], max_steps = 3 }}
 
 
 def rates(c, temperature):
-    return np.array([0.5 * (1 - c) - 2 * math.exp(-1 / temperature) * c, 0.5 * (0.5 - temperature) + 3 * math.exp(-1 / temperature) * c])
+    reaction = math.exp(-1 / temperature) * c
+    return np.array([0.5 * (1 - c) - 2 * reaction, 0.5 * (0.5 - temperature) + 3 * reaction])
 
 
 def test_part_of_the_plant_starts_at_rest():
@@ -163,7 +171,10 @@ def test_a_failed_start_is_data():
     assert report["unknowns"][0]["bounds"] == (0, 5)
     # z*z + z + 1 + 2 has its least value of 2.75 at z = -1/2.
     assert report["equations"][0]["residual"] == pytest.approx(2.75, abs=0.01)
-    assert {t["method"] for t in report["tried"]} >= {"Newton's method from the guess", "Newton's method inside of the bounds"}
+    assert {t["method"] for t in report["tried"]} >= {
+        "Newton's method from the guess",
+        "Newton's method inside of the bounds",
+    }
     assert report["help"] and report["help"] in str(failed.value)
     assert smpl.SimulationError("text").start is None
 
@@ -180,9 +191,24 @@ HARD = {
     "a guess of zero below a logarithm": ("ln(z) = -x", "z = 0 in 0..5", lambda z: math.log(z) + 2, (1e-9, 5)),
     "a root from zero": ("sqrt(z) = x", "z = 0 in 0..9", lambda z: math.sqrt(z) - 2, (0, 9)),
     "a flat exponential": ("exp(z) = 1e3*x", "z = -40 in -50..50", lambda z: math.exp(z) - 2e3, (-50, 50)),
-    "an arctangent far away": ("atan(10*(z - x)) = 0.3", "z = 400 in -1000..1000", lambda z: math.atan(10 * (z - 2)) - 0.3, (-1000, 1000)),
-    "a wall of a tangent hyperbolicus": ("tanh(8*(z - 3)) = x/4", "z = -9 in -10..10", lambda z: math.tanh(8 * (z - 3)) - 0.5, (-10, 10)),
-    "a cubic beyond its turning point": ("z^3 - 3*z = 10*x", "z = 0.9 in -10..10", lambda z: z**3 - 3 * z - 20, (1, 10)),
+    "an arctangent far away": (
+        "atan(10*(z - x)) = 0.3",
+        "z = 400 in -1000..1000",
+        lambda z: math.atan(10 * (z - 2)) - 0.3,
+        (-1000, 1000),
+    ),
+    "a wall of a tangent hyperbolicus": (
+        "tanh(8*(z - 3)) = x/4",
+        "z = -9 in -10..10",
+        lambda z: math.tanh(8 * (z - 3)) - 0.5,
+        (-10, 10),
+    ),
+    "a cubic beyond its turning point": (
+        "z^3 - 3*z = 10*x",
+        "z = 0.9 in -10..10",
+        lambda z: z**3 - 3 * z - 20,
+        (1, 10),
+    ),
     "a quotient with a pole": ("1/z + z/100 = x", "z = 0 in 0..40", lambda z: 1 / z + z / 100 - 2, (1e-6, 10)),
     "a pH": ("10^(-z) - 10^(z - 14) = 1e-9*x", "z = 1 in 0..14", lambda z: 10**-z - 10 ** (z - 14) - 2e-9, (0, 14)),
 }
@@ -208,8 +234,8 @@ def test_a_steady_state_is_a_stored_start(tmp_path):
     model = tmp_path / "cstr.eq"
     model.write_text(CSTR.format(conditions=""))
     stored, run = tmp_path / "s.csv", tmp_path / "run.csv"
-    subprocess.run([sys.executable, "-m", "smpl", "steady", str(model), "--out", str(stored)], check=True, capture_output=True)
-    subprocess.run([sys.executable, "-m", "smpl", "simulate", str(model), "--init", str(stored), "--out", str(run)], check=True, capture_output=True)
+    command("steady", model, "--out", stored)
+    command("simulate", model, "--init", stored, "--out", run)
     first, *_, last = np.genfromtxt(run, delimiter=",", names=True)
     assert [first["c"], first["T"], first["m"]] == pytest.approx([last["c"], last["T"], last["m"]], rel=1e-7)
     assert rates(first["c"], first["T"]) == pytest.approx([0, 0], abs=1e-9)
@@ -298,14 +324,13 @@ at never { next count = count + 1 }
 observe x in 0..1e9
 episode { step = 1 [s], max_steps = 5 }
 """)
-    out = subprocess.run([sys.executable, "-m", "smpl", "diagnose", str(model), "--json"], check=True, capture_output=True, text=True).stdout
-    found = json.loads(out)
-    assert (found["states"], found["algebraic"]) == (2, len(sum((b["unknowns"] for b in found["blocks"]), [])))
+    found = json.loads(command("diagnose", model, "--json"))
+    assert (found["states"], found["algebraic"]) == (2, sum(b["size"] for b in found["blocks"]))
     assert [s["name"] for s in found["badly_scaled"]] == ["x"]
     assert found["silent_events"] == ["never"]
     assert found["slowest"] == pytest.approx([-0.1, 0]) and found["fastest"] == pytest.approx([-1000, 0])
     assert found["wrong_entries"] == [] and found["start_failure"] is None
-    text = subprocess.run([sys.executable, "-m", "smpl", "diagnose", str(model)], check=True, capture_output=True, text=True).stdout
+    text = command("diagnose", model)
     assert "never" in text and "-1000" in text
 
 
@@ -365,8 +390,7 @@ def test_trims_that_cannot_be_are_diagnosed(steady, message):
 def test_the_command_trims(tmp_path):
     model, stored = tmp_path / "plant.eq", tmp_path / "s.csv"
     model.write_text(TRIM.format(steady=""))
-    command = [sys.executable, "-m", "smpl", "steady", str(model), "--fix", "p=8.5", "--fix", "h=2", "--free", "Q", "--free", "F"]
-    subprocess.run([*command, "--out", str(stored)], check=True, capture_output=True)
+    command("steady", model, "--fix", "p=8.5", "--fix", "h=2", "--free", "Q", "--free", "F", "--out", stored)
     rows = dict(line.split(",")[::2] for line in stored.read_text().splitlines()[1:])
     assert float(rows["F"]) == pytest.approx(0.8 * math.sqrt(2), rel=1e-9)
     assert float(rows["p"]) == pytest.approx(8.5, rel=1e-9)
