@@ -20,7 +20,7 @@ pub use key::Key;
 /// First bytes of an artefact.
 const MAGIC: &[u8; 8] = b"smplc\0\x01\n";
 /// Changes with the layout of the content.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 const SEAL: usize = blake3::OUT_LEN;
 
 /// What an artefact says of itself.

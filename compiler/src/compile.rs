@@ -120,6 +120,7 @@ fn named_after(file: &str) -> String {
 /// Which equation determines which unknown: completes the model, equations to rows.
 fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
+    structure::drop_unused_delays(&mut model, &mut equations);
     structure::cut_at_parts(&mut model, &mut equations);
     if runs {
         structure::write_out_ranges(&mut model, &mut equations);

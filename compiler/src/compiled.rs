@@ -36,7 +36,7 @@ pub struct CompiledModel {
     pieces: [Box<[CompiledFn]>; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
-    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 16],
+    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 24],
     /// What sensitivities need.
     later: tangent::Later,
     /// Holds the code that `functions` point to.

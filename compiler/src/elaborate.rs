@@ -163,6 +163,8 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     model.interface.draws = work.hidden.draws.list;
     model.quadratures = work.hidden.quadratures.list;
     model.quadrature_units = work.hidden.quadratures.units;
+    work.hidden.delays.write(&mut model.programs);
+    model.delays = work.hidden.delays.list.into_iter().map(|delayed| delayed.about).collect();
     model.exprs = work.exprs;
     model.vars = symbols.vars;
     (Ok(Elaborated { model, equations, runs, warnings }), spent)

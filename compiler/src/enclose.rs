@@ -10,7 +10,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use crate::ir::{Affine, BinaryFn, Builtin, Compare, Expr, ExprId, Exprs, FastMap, Flavour, ReduceFn, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Builtin, Compare, DelaySlot, Expr, ExprId, Exprs, FastMap, Flavour, ReduceFn, Role, UnaryFn, VarId};
 use crate::model::Model;
 
 /// Lower and upper bound, or *certainly* and *possibly*.
@@ -70,6 +70,14 @@ impl<'a> Encloser<'a> {
                 let moves = matches!(self.model.vars[var].role, Role::State | Role::Algebraic);
                 return moves.then(|| (e, self.model.exprs.load(var, Flavour::Derivative, at)));
             }
+            Expr::Binary(BinaryFn::Add, a, b) => {
+                if let Some(pair) = self.delayed(a).or_else(|| self.delayed(b)) {
+                    return Some(pair);
+                }
+                if !self.moves(a) && !self.moves(b) {
+                    return None;
+                }
+            }
             _ if !self.model.exprs.operands(e).any(|o| self.moves(o)) => return None,
             _ => {}
         }
@@ -106,6 +114,16 @@ impl<'a> Encloser<'a> {
             }
             _ => self.all(),
         })
+    }
+
+    /// Bounds of a delayed value over the span of time, where a node is the first term of one. The second term of the sum is zero.
+    fn delayed(&mut self, e: ExprId) -> Option<Pair> {
+        let Expr::Load { var, flavour: Flavour::Value, at } = self.model.exprs.node(e) else { return None };
+        if self.model.vars[var].role != Role::Delayed {
+            return None;
+        }
+        let mut slot = |slot: DelaySlot| self.model.exprs.load(var, Flavour::Value, at.plus(Affine::constant(slot as i64)));
+        Some((slot(DelaySlot::Low), slot(DelaySlot::High)))
     }
 
     /// Any number.

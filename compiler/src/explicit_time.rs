@@ -58,8 +58,9 @@ pub(crate) fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
     }
     let others = model.quadratures.iter().copied().chain(model.roots.iter().map(|r| r.value));
     roots.extend(others.map(|value| (value, [0; MAX_DEPTH])));
+    roots.extend(model.past());
     let mut collector = Collector::new(model);
-    let in_equations = rows.iter().any(|row| collector.moves[row.value].time);
+    let in_equations = !collector.model.delays.is_empty() || rows.iter().any(|row| collector.moves[row.value].time);
     if roots.iter().any(|&(root, _)| collector.moves[root].time) {
         collector.walk(&roots);
         for (root, extents) in roots {
@@ -99,6 +100,8 @@ impl<'a> Collector<'a> {
                         [Role::Param, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Builtin, Role::ParamGiven];
                     Moves { time: false, unknowns: !inputs.contains(&role) }
                 }
+                // Delayed values are smooth between the breaks that the runtime knows, and its steps have followed them.
+                _ if model.is_delayed(id) => Moves { time: false, unknowns: true },
                 _ => model.exprs.operands(id).fold(Moves::default(), |sum, o| Moves {
                     time: sum.time || moves[o].time,
                     unknowns: sum.unknowns || moves[o].unknowns,

@@ -91,6 +91,7 @@ pub struct File {
 /// # Errors
 /// See [`ExportError`].
 pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, target: Target) -> Result<Vec<File>, ExportError> {
+    refuse_delays(model, target)?;
     let texts = match target {
         Target::Casadi => vec![casadi::print(model.model(), nominal, origin)?],
         Target::Jax => vec![jax::print(model.model(), nominal, origin)?],
@@ -106,5 +107,14 @@ pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>,
 /// # Errors
 /// See [`ExportError`].
 pub fn package(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
+    refuse_delays(model, Target::Fmu)?;
     fmu::package(model.model(), nominal, origin, settings)
+}
+
+/// Refuses models with a past for targets that do not keep one.
+fn refuse_delays(model: &CompiledModel, target: Target) -> Result<(), ExportError> {
+    match model.model().delays.first() {
+        Some(delay) if target != Target::Json => Err(ExportError::Delay { delay: delay.name.clone() }),
+        _ => Ok(()),
+    }
 }

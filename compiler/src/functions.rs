@@ -24,10 +24,12 @@ pub(crate) enum Function {
     NextBreak,
     Forcings,
     ByTime,
+    Delayed,
+    Lags,
 }
 
 impl Function {
-    pub(crate) const ALL: [Function; 14] = [
+    pub(crate) const ALL: [Function; 16] = [
         Function::PrepareStep,
         Function::Residual,
         Function::Jacobian,
@@ -42,6 +44,8 @@ impl Function {
         Function::NextBreak,
         Function::Forcings,
         Function::ByTime,
+        Function::Delayed,
+        Function::Lags,
     ];
 
     pub(crate) fn name(self) -> &'static str {
@@ -60,6 +64,8 @@ impl Function {
             Function::NextBreak => "next_break",
             Function::Forcings => "forcings",
             Function::ByTime => "by_time",
+            Function::Delayed => "delayed",
+            Function::Lags => "lags",
         }
     }
 
@@ -67,14 +73,17 @@ impl Function {
     pub(crate) fn limit(self) -> Stage {
         match self {
             Function::Residual | Function::Jacobian | Function::Roots | Function::Bounds | Function::Quadratures => Stage::Step,
-            Function::NextBreak | Function::Forcings | Function::ByTime => Stage::Step,
+            Function::NextBreak | Function::Forcings | Function::ByTime | Function::Delayed | Function::Lags => Stage::Step,
             _ => Stage::Parameter,
         }
     }
 
     /// Returns `true` if it comes from a program, which is often written element by element; equations are loops already.
     pub(crate) fn is_program(self) -> bool {
-        matches!(self, Function::Start | Function::End | Function::Finish | Function::Outputs | Function::Disturb)
+        matches!(
+            self,
+            Function::Start | Function::End | Function::Finish | Function::Outputs | Function::Disturb | Function::Delayed | Function::Lags
+        )
     }
 
     /// Returns `true` if the solver calls it in its inner loop.
@@ -105,6 +114,7 @@ impl Function {
             Function::Start | Function::End => (true, false, 0),
             Function::Finish => (true, true, finish_len(model)),
             Function::Outputs => (true, true, elements(&model.interface.quantities.algebraics)),
+            Function::Delayed | Function::Lags => (true, true, model.delayed()),
         };
         Access { name: self.name(), y, yp, out }
     }
@@ -145,6 +155,8 @@ pub(crate) fn staged(
         (Function::NextBreak, time.next_break.map_or_else(Staged::default, |value| Staged::of_numbers([value]))),
         (Function::Forcings, Staged::of_lists(time.forcings.iter().cloned())),
         (Function::ByTime, by_time),
+        (Function::Delayed, program(&programs.delayed)),
+        (Function::Lags, program(&programs.lags)),
     ]
 }
 

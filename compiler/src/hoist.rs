@@ -185,7 +185,7 @@ impl<'a> Hoister<'a> {
                 if factor { Stage::Dynamic } else { Stage::Step }
             }
             (_, Role::Action | Role::Discrete | Role::Disturbance) => Stage::Step,
-            (_, Role::State | Role::Algebraic | Role::Quadrature | Role::Cache | Role::Scratch) => Stage::Dynamic,
+            (_, Role::State | Role::Algebraic | Role::Quadrature | Role::Delayed | Role::Cache | Role::Scratch) => Stage::Dynamic,
         }
     }
 }

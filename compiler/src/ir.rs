@@ -31,4 +31,4 @@ pub use function::{BinaryFn, Compare, ReduceFn};
 pub use numbers::{List, Lists, Side, before, behind};
 pub use program::{Nest, Place, Program, Store, Target};
 pub use rustc_hash::{FxHashMap as FastMap, FxHashSet as FastSet};
-pub use var::{BUILTIN_COUNT, Builtin, Role, VarId};
+pub use var::{BUILTIN_COUNT, Builtin, DELAY_SLOTS, DelaySlot, Role, VarId};

@@ -38,6 +38,8 @@ pub enum Region {
     Draw,
     /// Quadratures over the current step.
     Quadrature,
+    /// Delayed values.
+    Delayed,
     /// Copy at the start of the episode.
     Initial(Part),
     /// Copy at the end of the step before.
@@ -59,8 +61,17 @@ pub enum Part {
     Disturbance,
 }
 
-const SIMPLE: [Role; 8] =
-    [Role::Builtin, Role::Param, Role::ParamGiven, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Quadrature];
+const SIMPLE: [Role; 9] = [
+    Role::Builtin,
+    Role::Param,
+    Role::ParamGiven,
+    Role::Action,
+    Role::Discrete,
+    Role::Disturbance,
+    Role::Draw,
+    Role::Quadrature,
+    Role::Delayed,
+];
 const PARTS: usize = 4;
 const REGIONS: usize = SIMPLE.len() + 3 * PARTS;
 
@@ -76,6 +87,7 @@ impl Region {
             Region::Disturbance => 5,
             Region::Draw => 6,
             Region::Quadrature => 7,
+            Region::Delayed => 8,
             Region::Initial(part) => frame(0, part),
             Region::Previous(part) => frame(1, part),
             Region::Steady(part) => frame(2, part),

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
-use crate::ir::{Affine, Expr, ExprId, Exprs, Program, Role, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, MAX_DEPTH, Program, Role, VarId};
 use cranelift_entity::PrimaryMap;
 
 mod interface;
@@ -43,6 +43,8 @@ pub struct Model {
     pub quadratures: Vec<ExprId>,
     /// Their units, for tables; none in a model that was read from JSON.
     pub quadrature_units: Vec<String>,
+    /// Delayed expressions, in the order of the elements of the variable of role `Delayed`.
+    pub delays: Vec<Delay>,
     /// What runs at the instants of an episode.
     pub programs: Programs,
     /// Names, units, bounds, settings: all that is seen from outside.
@@ -59,10 +61,35 @@ impl Model {
             Expr::Load { var, .. } => match self.vars[var].role {
                 Role::Param | Role::ParamGiven | Role::Builtin => true,
                 Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => false,
-                Role::Draw | Role::Quadrature | Role::Cache | Role::Scratch => false,
+                Role::Draw | Role::Quadrature | Role::Delayed | Role::Cache | Role::Scratch => false,
             },
             _ => true,
         })
+    }
+
+    /// Number of delayed elements.
+    #[must_use]
+    pub fn delayed(&self) -> usize {
+        self.delays.iter().map(|delay| delay.count as usize).sum()
+    }
+
+    /// Whether a node is a delayed value, `v + s*((t - theta) - a)`.
+    #[must_use]
+    pub(crate) fn is_delayed(&self, e: ExprId) -> bool {
+        let Expr::Binary(BinaryFn::Add, a, b) = self.exprs.node(e) else { return false };
+        let earlier = |e| matches!(self.exprs.node(e), Expr::Load { var, .. } if self.vars[var].role == Role::Delayed);
+        earlier(a) || earlier(b)
+    }
+
+    /// What is delayed and by how much, with the extents of the loops around.
+    pub(crate) fn past(&self) -> Vec<(ExprId, [u32; MAX_DEPTH])> {
+        let nests = self.programs.delayed.nests.iter().chain(&self.programs.lags.nests);
+        let each = nests.flat_map(|nest| {
+            let mut extents = [0; MAX_DEPTH];
+            nest.loops.iter().for_each(|&(depth, extent)| extents[usize::from(depth)] = extent);
+            nest.stores.iter().map(move |store| (store.value, extents))
+        });
+        each.collect()
     }
 
     /// The variable of the numbers that every model has, where there is one.
@@ -126,6 +153,34 @@ pub struct Root {
     pub action: RootAction,
 }
 
+/// A delayed expression over a nest of loops.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Delay {
+    /// Text of the call, for messages.
+    pub name: String,
+    /// Number of elements.
+    pub count: u32,
+    /// Declared bounds of a dead time that changes within an episode; infinite for one that does not.
+    pub bounds: (f64, f64),
+    /// When the dead time changes.
+    pub lag: Lag,
+    /// Has a value before the start; without one that is the value at the start.
+    pub before: bool,
+    /// Place of the call.
+    pub span: Span,
+}
+
+/// When a dead time changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Lag {
+    /// Not within an episode.
+    Constant,
+    /// At sampling instants and events.
+    Held,
+    /// At any time.
+    Varying,
+}
+
 /// What an event does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RootAction {
@@ -168,6 +223,12 @@ pub struct Programs {
     pub invariants: Program,
     /// Items of each failure that is a box: out = the value of each item, all failures one after another.
     pub boxes: Program,
+    /// Delayed expressions: out = the present value of each element.
+    pub delayed: Program,
+    /// Dead times: out = that of each element.
+    pub lags: Program,
+    /// Values before the start: out = that of each element, where one is given.
+    pub before: Program,
 }
 
 impl Programs {
@@ -187,8 +248,10 @@ impl Programs {
             ("invariants", &self.invariants),
             ("boxes", &self.boxes),
         ];
+        let delays = [("delayed", &self.delayed), ("lags", &self.lags), ("before", &self.before)];
+        let delays = delays.into_iter().filter(|(_, program)| !program.nests.is_empty());
         let events = self.events.iter().enumerate().map(|(i, e)| (format!("event {i}"), e));
         let policies = self.policies.iter().map(|(name, program)| (format!("policy {name}"), program));
-        fixed.into_iter().map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
+        fixed.into_iter().chain(delays).map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
     }
 }

@@ -58,6 +58,7 @@ fn collect(model: &mut Model, time: &ExplicitTime) -> Vec<Switch> {
         rows.push((row.residual, extents));
     }
     rows.extend(model.quadratures.iter().map(|&value| (value, [0; MAX_DEPTH])));
+    rows.extend(model.past());
     let mut collector = Collector { moves: moves(model), found: vec![], known: FastSet::default(), choices: FastMap::default() };
     rows.iter().for_each(|&(row, extents)| collector.walk(&model.exprs, row, extents, time));
     let Collector { found, choices, .. } = collector;
@@ -79,7 +80,7 @@ fn moves(model: &Model) -> Vec<Moves> {
         let of = match exprs.node(id) {
             Expr::Time => Moves { any: true, unknowns: false },
             Expr::Load { var, flavour: Flavour::Value | Flavour::Derivative, .. } => {
-                let unknown = matches!(model.vars[var].role, Role::State | Role::Algebraic);
+                let unknown = matches!(model.vars[var].role, Role::State | Role::Algebraic | Role::Delayed);
                 Moves { any: unknown, unknowns: unknown }
             }
             _ => exprs

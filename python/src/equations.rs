@@ -236,6 +236,7 @@ impl Equations {
         }
         let (model, memory) = self.work.parts();
         model.prepare_step(memory);
+        self.work.look_back(t, &self.y, &self.yp);
         Ok(())
     }
 

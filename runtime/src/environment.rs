@@ -416,6 +416,7 @@ impl Environment {
     pub fn algebraics(&mut self, out: &mut [f64]) {
         let t = self.time();
         self.at_the_state(|system, progress| {
+            system.look_back(t, &progress.y, &progress.yp);
             let (model, memory) = system.parts();
             model.outputs(memory, t, &progress.y, &progress.yp, out);
         });
@@ -483,6 +484,7 @@ impl Environment {
         let (steps, t) = (f64::from(self.progress.steps), self.time());
         self.set_builtin(Builtin::Steps, steps);
         self.set_builtin(Builtin::Clock, t);
+        self.system.look_back(t, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.policy(index, memory, t, &self.progress.y, out);
     }
@@ -490,6 +492,7 @@ impl Environment {
     /// Invariants: value and rate of each, at the present state.
     pub fn invariants(&mut self, out: &mut [f64]) {
         let t = self.time();
+        self.system.look_back(t, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, out);
     }

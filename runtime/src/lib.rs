@@ -23,6 +23,7 @@ pub mod linearize;
 pub mod load;
 mod newton;
 pub mod observe;
+pub mod past;
 pub mod pool;
 pub mod random;
 pub mod rollout;

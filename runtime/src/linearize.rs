@@ -39,6 +39,12 @@ pub enum LinearizeError {
         /// Name.
         part: &'static str,
     },
+    /// An expression reads the past: no finite number of states describes it.
+    #[error("`{delay}` has no finite linearisation: replace the dead time by a chain of first-order lags")]
+    Delay {
+        /// The call.
+        delay: String,
+    },
     /// An expression cannot be differentiated.
     #[error("the linearisation cannot be formed: {message}")]
     Derivative {
@@ -53,6 +59,9 @@ pub enum LinearizeError {
 /// # Errors
 /// When the algebraic equations are singular there.
 pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: &[f64]) -> Result<Linearization, LinearizeError> {
+    if let Some(delay) = system.model().model().delays.first() {
+        return Err(LinearizeError::Delay { delay: delay.name.clone() });
+    }
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let (yp, weights) = rates(system, t, y)?;
     let by_y = jacobian(system, t, y, &yp, 0.0);

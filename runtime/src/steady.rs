@@ -13,6 +13,7 @@
 //! their derivatives.
 
 mod bounds;
+mod delays;
 mod discretes;
 mod error;
 mod frames;
@@ -365,6 +366,7 @@ pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
 
 fn report(system: &mut CompiledSystem, catalogue: &Catalogue, fixed: &[bool], y: &[f64], iterations: u32) -> SteadyReport {
     let (zero, mut out) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    system.look_back(0.0, y, &zero);
     let (model, memory) = system.parts();
     model.residual(memory, 0.0, y, &zero, &mut out);
     let residual_norm = out.iter().zip(fixed).filter(|(_, fixed)| !**fixed).fold(0.0, |sum, (r, _)| sum + r * r).sqrt();

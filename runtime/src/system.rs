@@ -9,8 +9,9 @@ use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
 use crate::catalogue::{Catalogue, Element};
+use crate::past::{Kept, Past, PastError, Point};
 use crate::solver::nonnegative::seen;
-use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System};
+use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System, Within};
 
 /// Part of its scale at which a nonnegative state is nearly zero.
 const NEARLY: f64 = 1e-9;
@@ -46,6 +47,8 @@ pub struct CompiledSystem {
     memory: Memory,
     /// Values and rates of the invariants, where the rates are integrated too.
     invariants: Vec<f64>,
+    /// Past of delayed expressions, if there are any.
+    past: Option<Box<Past>>,
     /// Unknowns with nonnegative states at zero or above, and upper bounds of them, where there are
     /// such states.
     seen: Option<Box<[Vec<f64>; 2]>>,
@@ -77,7 +80,8 @@ impl CompiledSystem {
             nearly_zero: nonnegative.iter().map(|e| NEARLY * e.scale).collect(),
         };
         let memory = model.memory();
-        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new(), seen })
+        let past = Past::new(&model).map(Box::new);
+        Ok(Self { model, shape: Arc::new(shape), memory, invariants: Vec::new(), past, seen })
     }
 
     /// The model.
@@ -89,6 +93,51 @@ impl CompiledSystem {
     /// Model and memory at once, for calls of compiled functions.
     pub fn parts(&mut self) -> (&CompiledModel, &mut Memory) {
         (&self.model, &mut self.memory)
+    }
+
+    /// Fills the delayed values at a point, for what reads them there.
+    pub fn look_back(&mut self, t: f64, y: &[f64], yp: &[f64]) {
+        if let Some(past) = &mut self.past {
+            past.fill(&self.model, &mut self.memory, Point { t, y, yp }, false);
+        }
+    }
+
+    /// From now on there is no past: delayed values are the present ones.
+    pub(crate) fn rest_past(&mut self) {
+        self.past.iter_mut().for_each(|past| past.rest());
+    }
+
+    /// From now on delayed values are those before the start.
+    pub(crate) fn start_past(&mut self) {
+        self.past.iter_mut().for_each(|past| past.start());
+    }
+
+    /// Records what was before the start, which is at this point.
+    ///
+    /// # Errors
+    /// See [`PastError`].
+    pub(crate) fn record_start(&mut self, t: f64, y: &[f64], yp: &[f64]) -> Result<(), PastError> {
+        let Some(past) = &mut self.past else { return Ok(()) };
+        let rtol = self.model.interface().solver.rtol;
+        past.record_start(&self.model, &mut self.memory, Point { t, y, yp }, rtol)
+    }
+
+    /// Forgets what no dead time reaches from a time on.
+    pub(crate) fn trim_past(&mut self, t: f64) {
+        self.past.iter_mut().for_each(|past| past.trim(t));
+    }
+
+    /// What a snapshot keeps of the past.
+    pub(crate) fn past(&self) -> Option<&Kept> {
+        self.past.as_ref().map(|past| past.kept())
+    }
+
+    /// Takes what a snapshot kept of the past; whether it fits.
+    pub(crate) fn take_past(&mut self, kept: Option<&Kept>) -> bool {
+        match (&mut self.past, kept) {
+            (Some(past), Some(kept)) => past.take(kept),
+            (past, kept) => past.is_none() && kept.is_none(),
+        }
     }
 
     /// Integrates the rates of the invariants from now on, after the quadratures of the model.
@@ -151,6 +200,7 @@ impl CompiledSystem {
     #[inline(never)]
     fn residual_seen(&mut self, t: f64, (y, yp): (&[f64], &[f64]), out: &mut [f64]) {
         let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, true);
         self.model.residual(&mut self.memory, t, y, yp, out);
     }
 
@@ -214,6 +264,14 @@ fn root_kind(kind: &WatchKind, roots: &[Root]) -> RootKind {
 const PRESENT: [(Part, Region); 3] =
     [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)];
 
+/// Fills the delayed values, where there are any.
+#[inline]
+fn fill(model: &CompiledModel, memory: &mut Memory, past: &mut Option<Box<Past>>, at: Point<'_>, strictly: bool) {
+    if let Some(past) = past {
+        past.fill(model, memory, at, strictly);
+    }
+}
+
 impl System for CompiledSystem {
     fn differential(&self) -> &[bool] {
         &self.shape.differential
@@ -239,17 +297,54 @@ impl System for CompiledSystem {
         if self.seen.is_some() {
             return self.residual_seen(t, (y, yp), out);
         }
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, true);
         self.model.residual(&mut self.memory, t, y, yp, out);
     }
 
     fn jacobian(&mut self, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
         // A root has no finite slope at zero.
         let y = self.seen.as_mut().map_or(y, |space| raised(&self.shape, y, &mut space[0]));
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, false);
         self.model.jacobian(&mut self.memory, t, y, yp, cj, values);
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        self.model.next_break(&mut self.memory, t)
+        let next = self.model.next_break(&mut self.memory, t);
+        self.past.as_ref().map_or(next, |past| next.min(past.next_break()))
+    }
+
+    fn has_past(&self) -> bool {
+        self.past.is_some()
+    }
+
+    fn longest_step(&self) -> f64 {
+        self.past.as_ref().map_or(f64::INFINITY, |past| past.longest_step())
+    }
+
+    fn crosses(&mut self, at: f64) {
+        self.past.iter_mut().for_each(|past| past.crosses(at));
+    }
+
+    fn begin(&mut self, t: f64, y: &[f64]) {
+        if let Some(past) = &mut self.past {
+            past.begin(&self.model, &mut self.memory, Point { t, y, yp: y });
+        }
+    }
+
+    fn begun(&mut self, t: f64, y: &[f64], yp: &[f64], rtol: f64) {
+        if let Some(past) = &mut self.past {
+            past.begun(&self.model, &mut self.memory, Point { t, y, yp }, rtol);
+        }
+    }
+
+    fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        let nonnegative = &self.shape.nonnegative;
+        if let Some(past) = &mut self.past {
+            past.accept(&self.model, &mut self.memory, span, rtol, &mut |t, y, yp| {
+                within(t, y, yp);
+                nonnegative.iter().for_each(|&at| y[at as usize] = if y[at as usize] < 0.0 { 0.0 } else { y[at as usize] });
+            });
+        }
     }
 
     fn depends_on_time(&self) -> bool {
@@ -258,6 +353,7 @@ impl System for CompiledSystem {
 
     fn by_time(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
         let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, false);
         self.model.by_time(&mut self.memory, t, y, yp, out)
     }
 
@@ -267,6 +363,7 @@ impl System for CompiledSystem {
 
     fn forcings(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, false);
         self.model.forcings(&mut self.memory, t, y, yp, out);
     }
 
@@ -284,6 +381,7 @@ impl System for CompiledSystem {
 
     fn roots(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, false);
         self.model.roots(&mut self.memory, t, y, yp, out);
     }
 
@@ -309,6 +407,9 @@ impl System for CompiledSystem {
             }
             None => (least, most),
         };
+        if let Some(past) = &mut self.past {
+            past.bound(&mut self.memory, span);
+        }
         self.model.bounds(&mut self.memory, span, (least, most), out);
         true
     }
@@ -324,6 +425,7 @@ impl System for CompiledSystem {
     fn quadratures(&mut self, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         let y = self.seen.as_mut().map_or(y, |space| seen(&self.shape.nonnegative, y, &mut space[0]));
         let (own, rates) = out.split_at_mut(self.shape.quadratures);
+        fill(&self.model, &mut self.memory, &mut self.past, Point { t, y, yp }, false);
         self.model.quadrature_rates(&mut self.memory, t, y, yp, own);
         if !rates.is_empty() {
             self.model.invariants(&mut self.memory, t, y, yp, &mut self.invariants);

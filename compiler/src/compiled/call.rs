@@ -245,6 +245,25 @@ impl CompiledModel {
         self.interpret(&self.tapes.boxes, m, t, &mut y.to_vec(), yp, out);
     }
 
+    /// Present values of the delayed expressions, one number an element.
+    pub fn delayed(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.model().delayed(), "number of delayed values");
+        self.evaluate(Function::Delayed, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Dead times, one number an element.
+    pub fn lags(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        assert_eq!(out.len(), self.model().delayed(), "number of dead times");
+        self.evaluate(Function::Lags, m, (t, 0.0), (y, yp), out);
+    }
+
+    /// Values before the start, one number an element; those of elements without one are left as they are.
+    pub fn before(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
+        self.check(m, y, yp);
+        assert_eq!(out.len(), self.model().delayed(), "number of values before the start");
+        self.interpret(&self.tapes.before, m, t, &mut y.to_vec(), yp, out);
+    }
+
     fn actions_len(&self) -> usize {
         self.interface().quantities.actions.iter().map(crate::model::Quantity::len).sum()
     }

@@ -19,6 +19,8 @@ pub enum Derived {
     SteadyConditions,
     /// The conditions at the start; rows in their order.
     StartConditions,
+    /// What is delayed; a row an element.
+    Delayed,
 }
 
 /// What it is differentiated with respect to; columns are positions in the region of that role.
@@ -32,6 +34,8 @@ pub enum WithRespectTo {
     Actions,
     /// Parameters, as far as they occur in the equations themselves.
     Parameters,
+    /// Delayed values: an element has [`DELAY_SLOTS`](crate::ir::DELAY_SLOTS) columns.
+    Delayed,
 }
 
 /// Row, column, value.
@@ -56,7 +60,7 @@ impl CompiledModel {
         t: f64,
         (y, yp): (&[f64], &[f64]),
     ) -> Result<Vec<Triplet>, &BackEndError> {
-        let cell = &self.derivatives[of as usize * 4 + with_respect_to as usize];
+        let cell = &self.derivatives[of as usize * 5 + with_respect_to as usize];
         let derivative = cell.get_or_init(|| self.make_derivative(of, with_respect_to)).as_ref()?;
         let mut values = vec![0.0; derivative.places.len()];
         let (mut y, work) = (y.to_vec(), m.all_mut());
@@ -72,6 +76,7 @@ impl CompiledModel {
             WithRespectTo::Derivatives => (&[Role::State, Role::Algebraic], Flavour::Derivative),
             WithRespectTo::Actions => (&[Role::Action], Flavour::Value),
             WithRespectTo::Parameters => (&[Role::Param], Flavour::Value),
+            WithRespectTo::Delayed => (&[Role::Delayed], Flavour::Value),
         };
         let vars = model.vars.clone();
         let column_of = |var: VarId, f: Flavour| {
@@ -86,6 +91,7 @@ impl CompiledModel {
                 output_rows(&model.programs.finish, first)
             }
             Derived::StartConditions => output_rows(&model.programs.start_conditions, 0),
+            Derived::Delayed => output_rows(&model.programs.delayed, 0),
             Derived::SteadyConditions => {
                 let first = model.programs.steady.nests.iter().map(|n| n.stores.len()).sum::<usize>() as i64;
                 output_rows(

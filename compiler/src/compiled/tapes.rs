@@ -18,6 +18,7 @@ pub(super) struct Tapes {
     pub(super) start_conditions: Tape,
     pub(super) invariants: Tape,
     pub(super) boxes: Tape,
+    pub(super) before: Tape,
     pub(super) events: Vec<Tape>,
     pub(super) policies: Vec<Tape>,
 }
@@ -42,6 +43,7 @@ impl Tapes {
             start_conditions: program("start_conditions", &programs.start_conditions, true, false, start_conditions(model))?,
             invariants: program("invariants", &programs.invariants, true, true, 2 * model.interface.invariants.len())?,
             boxes: program("boxes", &programs.boxes, true, true, boxed)?,
+            before: program("before", &programs.before, true, true, model.delayed())?,
             events: programs.events.iter().map(|p| program("event", p, true, false, 0)).collect::<Result<_, _>>()?,
             policies: programs.policies.iter().map(|(_, p)| program("policy", p, true, false, actions)).collect::<Result<_, _>>()?,
         })

@@ -82,6 +82,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         policies,
         invariants: invariant_program,
         boxes: ending.boxes,
+        ..Programs::default()
     };
     let interface = Interface {
         episode,

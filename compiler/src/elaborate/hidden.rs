@@ -4,8 +4,8 @@ use cranelift_entity::PrimaryMap;
 use smpl_dsl::span::Span;
 use smpl_dsl::units::Unit;
 
-use crate::ir::{BUILTIN_COUNT, ExprId, Role, VarId};
-use crate::model::{Draw, Instant, Variable};
+use crate::ir::{Affine, BUILTIN_COUNT, DELAY_SLOTS, ExprId, LoopVar, Nest, Program, Role, Store, Target, VarId};
+use crate::model::{Delay, Draw, Instant, Programs, Variable};
 
 /// The variables, each an array that grows as it is used.
 #[derive(Debug)]
@@ -18,6 +18,8 @@ pub(in crate::elaborate) struct Hidden {
     pub draws: Draws,
     /// Integrals over the step.
     pub quadratures: Quadratures,
+    /// Delayed expressions.
+    pub delays: Delays,
     /// Old values of what the assignments of one block read and set.
     pub held: Held,
     /// Something asks for the steady state.
@@ -55,6 +57,26 @@ pub(in crate::elaborate) struct Quadratures {
     pub units: Vec<String>,
 }
 
+/// Delayed expressions.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Delays {
+    /// The array.
+    pub var: VarId,
+    /// Calls, in the order of their elements.
+    pub list: Vec<Delayed>,
+}
+
+/// A call of `delay`.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Delayed {
+    /// What is delayed, by how much, and its value before the start.
+    pub values: (ExprId, ExprId, Option<ExprId>),
+    /// Extents of the loops around, the outermost first; 1 for a loop that changes nothing.
+    pub extents: Vec<u32>,
+    /// What is known of it.
+    pub about: Delay,
+}
+
 impl Hidden {
     /// Declares the variables, without elements but for the builtins.
     pub(in crate::elaborate) fn new(vars: &mut PrimaryMap<VarId, Variable>) -> Self {
@@ -63,18 +85,20 @@ impl Hidden {
         let draws = Draws { var: hidden("draw", Role::Draw), list: Vec::new(), site: None };
         let quadratures = Quadratures { var: hidden("quadrature", Role::Quadrature), list: Vec::new(), units: Vec::new() };
         let param_given = hidden("given", Role::ParamGiven);
+        let delays = Delays { var: hidden("delayed", Role::Delayed), list: Vec::new() };
         let held = Held { var: hidden("held", Role::Discrete), len: 0 };
         vars[builtins].len = BUILTIN_COUNT;
-        Hidden { builtins, param_given, draws, quadratures, held, steady: false }
+        Hidden { builtins, param_given, draws, quadratures, delays, held, steady: false }
     }
 
-    /// Elements of both arrays: what tells whether an attempt has added some.
-    pub(in crate::elaborate) fn len(&self) -> (usize, usize) {
-        (self.draws.list.len(), self.quadratures.list.len())
+    /// Elements of the arrays: what tells whether an attempt has added some.
+    pub(in crate::elaborate) fn len(&self) -> (usize, usize, usize) {
+        (self.draws.list.len(), self.quadratures.list.len(), self.delays.list.len())
     }
 
     /// Takes back elements.
-    pub(in crate::elaborate) fn truncate(&mut self, (draws, quadratures): (usize, usize)) {
+    pub(in crate::elaborate) fn truncate(&mut self, (draws, quadratures, delays): (usize, usize, usize)) {
+        self.delays.list.truncate(delays);
         self.draws.list.truncate(draws);
         self.quadratures.list.truncate(quadratures);
         self.quadratures.units.truncate(quadratures);
@@ -84,9 +108,57 @@ impl Hidden {
     pub(in crate::elaborate) fn close(&self, vars: &mut PrimaryMap<VarId, Variable>) {
         vars[self.draws.var].len = self.draws.list.len() as u32;
         vars[self.quadratures.var].len = self.quadratures.list.len() as u32;
+        vars[self.delays.var].len = DELAY_SLOTS * self.delays.len();
         vars[self.held.var].len = self.held.len;
         vars[self.param_given].len = vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
     }
+}
+
+impl Delays {
+    /// Number of elements.
+    fn len(&self) -> u32 {
+        self.list.iter().map(|delayed| delayed.about.count).sum()
+    }
+
+    /// The first element of a call, new or known.
+    pub(in crate::elaborate) fn first(&mut self, new: Delayed) -> i64 {
+        let mut first = 0;
+        for known in &self.list {
+            if known.values == new.values && known.extents == new.extents {
+                return first;
+            }
+            first += i64::from(known.about.count);
+        }
+        self.list.push(new);
+        first
+    }
+
+    /// The programs that write what is delayed, by how much, and the values before the start.
+    pub(in crate::elaborate) fn write(&self, programs: &mut Programs) {
+        let mut first = 0;
+        for Delayed { values: (value, lag, before), extents, about } in &self.list {
+            let target = Target::out(element(extents).plus(Affine::constant(first)));
+            let push = |program: &mut Program, value: ExprId| {
+                program.nests.push(Nest::over(extents.iter().copied(), vec![Store { target, value }]));
+            };
+            push(&mut programs.delayed, *value);
+            push(&mut programs.lags, *lag);
+            before.iter().for_each(|&before| push(&mut programs.before, before));
+            first += i64::from(about.count);
+        }
+    }
+}
+
+/// The element of a call of `delay` within loops of these extents.
+pub(in crate::elaborate) fn element(extents: &[u32]) -> Affine {
+    let mut at = Affine::constant(0);
+    for (depth, &extent) in (0..).zip(extents) {
+        at = at.times(i64::from(extent));
+        if extent > 1 {
+            at = at.plus(Affine::along(0, LoopVar(depth), 1));
+        }
+    }
+    at
 }
 
 impl Quadratures {

@@ -31,6 +31,14 @@ pub enum ExportError {
         /// The function.
         function: String,
     },
+    /// A function reads what was a dead time ago, which only the solver keeps.
+    #[error(
+        "`{delay}` reads a past that the target does not keep; remove the dead time, or write it as a chain of first-order lags, to export the model"
+    )]
+    Delay {
+        /// The call.
+        delay: String,
+    },
     /// A variable of an FMU has no start value.
     #[error("`{name}` has no value at the nominal point, and an FMU needs a start value")]
     NoStart {

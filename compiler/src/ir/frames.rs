@@ -9,7 +9,7 @@ use super::var::{Builtin, Role, VarId};
 /// What has no value at another instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unframed {
-    /// A derivative, or an integral over the step.
+    /// A derivative, an integral over the step, or a delayed value.
     OverTime,
     /// What is read at another instant itself.
     Frame,
@@ -32,7 +32,7 @@ impl Exprs {
             Expr::Time => Some(exprs.time_of(frame, builtins)),
             Expr::Load { var, flavour: Flavour::Value, at } => match role(var) {
                 Role::State | Role::Algebraic | Role::Action | Role::Discrete | Role::Disturbance => Some(exprs.load(var, frame, at)),
-                Role::Quadrature => {
+                Role::Quadrature | Role::Delayed => {
                     fault = Some(Unframed::OverTime);
                     None
                 }

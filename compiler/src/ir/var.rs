@@ -27,6 +27,8 @@ pub enum Role {
     Draw,
     /// Number of the quadrature over the current step.
     Quadrature,
+    /// Earlier values of expressions, filled in by the runtime: [`DELAY_SLOTS`] numbers for each element, see [`DelaySlot`].
+    Delayed,
     /// What the runtime tells a program: see [`Builtin`].
     Builtin,
     /// 1 where the parameter was given from outside and must not be computed or drawn; same shape as the parameters.
@@ -58,6 +60,25 @@ pub enum Builtin {
     /// Factor of the derivatives in the Jacobian (an argument of that function, not memory).
     DerivativeFactor = 7,
 }
+
+/// Numbers of an element of the variable of role [`Role::Delayed`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(u32)]
+pub enum DelaySlot {
+    /// Earlier value of the expression.
+    Value = 0,
+    /// Its rate there.
+    Slope = 1,
+    /// The earlier time.
+    At = 2,
+    /// Lower bound of the value over a span of time.
+    Low = 3,
+    /// Upper bound.
+    High = 4,
+}
+
+/// Number of [`DelaySlot`]s.
+pub const DELAY_SLOTS: u32 = 5;
 
 /// Number of elements of the builtin variable.
 pub const BUILTIN_COUNT: u32 = 8;

@@ -12,9 +12,9 @@ use super::nodes::{Nodes, address, extents, variable};
 use super::{FORMAT, VERSION, write};
 use crate::artefact::Circumstances;
 use crate::export::{Families, Nominal};
-use crate::ir::{BUILTIN_COUNT, ExprId, MAX_DEPTH, Place, Program, Role, VarId, loops_of};
+use crate::ir::{BUILTIN_COUNT, DELAY_SLOTS, ExprId, MAX_DEPTH, Place, Program, Role, VarId, loops_of};
 use crate::layout::Layout;
-use crate::model::{Model, Programs, Root, RootAction, Row, Variable};
+use crate::model::{Delay, Lag, Model, Programs, Root, RootAction, Row, Variable};
 use crate::structure::is_explicit;
 
 /// What a text holds.
@@ -26,10 +26,10 @@ pub struct Read {
 }
 
 #[rustfmt::skip]
-const FIELDS: [&str; 33] = [
+const FIELDS: [&str; 34] = [
     "format", "version", "name", "text", "made_for", "time", "explicit", "variables", "unknowns", "quantities", "ports", "grids", "state_order",
     "algebraic", "elements", "expressions", "equations", "events", "integrals", "programs", "policies", "finish", "draws", "levels", "phases", "invariants",
-    "steady", "start_conditions", "start_resets", "episode", "solver", "variants", "choices",
+    "steady", "start_conditions", "start_resets", "episode", "solver", "variants", "choices", "delays",
 ];
 
 /// Reads a model that [`print`](super::print) wrote, or another program in the same form.
@@ -43,6 +43,9 @@ pub fn read(text: &str) -> Result<Read, ReadError> {
     root.only(&FIELDS)?;
     let vars = variables(&root.field("variables")?)?;
     let mut model = Model { interface: interface::read(&root, &vars)?, vars, ..Model::default() };
+    if let Some(at) = root.maybe("delays")? {
+        model.delays = at.list(delay)?;
+    }
     check_roles(&root, &model)?;
     model.unknowns = unknowns(&root.field("unknowns")?, &model.vars)?;
     check_families(&root, &model)?;
@@ -53,6 +56,7 @@ pub fn read(text: &str) -> Result<Read, ReadError> {
     model.programs = programs(&root, &nodes, &model)?;
     model.exprs = std::mem::take(&mut nodes.exprs);
     check_bounds(&root, &model)?;
+    check_delays(&root, &model)?;
     check_covered(&root.field("equations")?, &model)?;
     model.explicit = root.field("explicit")?.flag()?;
     if model.explicit != is_explicit(&model) {
@@ -114,6 +118,7 @@ fn check_roles(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
         (Role::Builtin, BUILTIN_COUNT as usize, "what the runtime tells"),
         (Role::Draw, i.draws.len(), "the random numbers (`draws`)"),
         (Role::Quadrature, integrals, "the `integrals`"),
+        (Role::Delayed, DELAY_SLOTS as usize * model.delayed(), "the `delays`"),
     ];
     for (role, expected, what) in sizes {
         let found = total(role);
@@ -121,7 +126,9 @@ fn check_roles(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
         if found != expected && needed {
             return Err(at.fault(format!("variables of role {role:?} have {found} elements in all, {what} {expected}")));
         }
-        if matches!(role, Role::Builtin | Role::Draw | Role::Quadrature) && model.vars.values().filter(|v| v.role == role).count() > 1 {
+        if matches!(role, Role::Builtin | Role::Draw | Role::Quadrature | Role::Delayed)
+            && model.vars.values().filter(|v| v.role == role).count() > 1
+        {
             return Err(at.fault(format!("more than one variable of role {role:?}")));
         }
     }
@@ -214,6 +221,7 @@ fn roots(at: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Vec<Root>, ReadErr
 fn programs(root: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Programs, ReadError> {
     let at = root.field("programs")?;
     let one = |name: &str| nodes.program(&at.field(name)?, &model.vars);
+    let maybe = |name: &str| at.maybe(name)?.map_or_else(|| Ok(Program::default()), |at| nodes.program(&at, &model.vars));
     let policies = texts(&root.field("policies")?)?;
     let policies =
         policies.into_iter().map(|name| Ok((name.clone(), one(&format!("policy {name}"))?))).collect::<Result<Vec<_>, ReadError>>()?;
@@ -236,6 +244,9 @@ fn programs(root: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Programs, Rea
         policies,
         invariants: one("invariants")?,
         boxes: one("boxes")?,
+        delayed: maybe("delayed")?,
+        lags: maybe("lags")?,
+        before: maybe("before")?,
     };
     let known = programs.named();
     if let Some((name, _)) = at.fields()?.find(|(name, _)| !known.iter().any(|(known, _)| known == name)) {
@@ -249,6 +260,60 @@ fn programs(root: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Programs, Rea
         Some(i) => Err(at.fault(format!("the program `event {i}` is missing"))),
         None => Ok(programs),
     }
+}
+
+fn delay(at: &At<'_>) -> Result<Delay, ReadError> {
+    at.only(&["name", "count", "changes", "bounds", "before"])?;
+    let lag: Lag = at.field("changes")?.word()?;
+    let bounds = at.field("bounds")?;
+    let bounds = if lag == Lag::Constant {
+        (f64::INFINITY, f64::INFINITY)
+    } else {
+        match bounds.list(|at| at.number_or(f64::NAN))?[..] {
+            [low, high] if 0.0 < low && low <= high && high.is_finite() => (low, high),
+            _ => return Err(bounds.fault("expected two positive numbers, the lower one first")),
+        }
+    };
+    let (name, count) = (at.field("name")?.string()?, at.field("count")?.count(MAX_ELEMENTS as u32)?);
+    Ok(Delay { name, count, bounds, lag, before: at.field("before")?.flag()?, span: Span::default() })
+}
+
+/// What is delayed, and by how much, is written once for each element.
+fn check_delays(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
+    let len = model.delayed();
+    let programs = &model.programs;
+    let first = |given: bool| {
+        let mut at = 0;
+        let each = model.delays.iter().map(move |delay| {
+            at += delay.count as usize;
+            (at - delay.count as usize..at, given && !delay.before)
+        });
+        each.filter(|(_, left_out)| !left_out).flat_map(|(range, _)| range).collect::<Vec<_>>()
+    };
+    for (name, program, needed) in
+        [("delayed", &programs.delayed, first(false)), ("lags", &programs.lags, first(false)), ("before", &programs.before, first(true))]
+    {
+        let mut written = vec![false; len];
+        for nest in &program.nests {
+            for pass in 0..nest.extents().iter().map(|&e| u64::from(e)).fold(1, u64::saturating_mul).min(len as u64 + 1) {
+                for store in &nest.stores {
+                    let at = usize::try_from(store.target.at.at(&counters(pass, &nest.extents()))).unwrap_or(usize::MAX);
+                    match written.get_mut(at) {
+                        Some(written) if store.target.place == Place::Out && !*written => *written = true,
+                        _ => {
+                            return Err(root
+                                .field("programs")?
+                                .fault(format!("`{name}` does not write each of {len} delayed elements once")));
+                        }
+                    }
+                }
+            }
+        }
+        if needed.into_iter().any(|at| !written[at]) {
+            return Err(root.field("programs")?.fault(format!("`{name}` leaves out a delayed element")));
+        }
+    }
+    Ok(())
 }
 
 /// All that is evaluated and stored stays within its arrays.

@@ -1,7 +1,7 @@
 //! The words of the form: each meaning has one, which the compiler sees to, and the reader finds the meaning of a word by it.
 
 use crate::ir::{BinaryFn, Compare, Flavour, ReduceFn, Role, Side, UnaryFn};
-use crate::model::{Instant, LinearSolver, Method, Variate};
+use crate::model::{Instant, Lag, LinearSolver, Method, Variate};
 
 /// What is written as a word.
 pub(super) trait Word: Copy + 'static {
@@ -27,6 +27,7 @@ impl Word for Role {
         Role::Disturbance,
         Role::Draw,
         Role::Quadrature,
+        Role::Delayed,
         Role::Builtin,
         Role::ParamGiven,
         Role::Scratch,
@@ -42,6 +43,7 @@ impl Word for Role {
             Role::Disturbance => "disturbance",
             Role::Draw => "draw",
             Role::Quadrature => "integral",
+            Role::Delayed => "delayed",
             Role::Builtin => "builtin",
             Role::ParamGiven => "given",
             Role::Scratch => "scratch",
@@ -145,6 +147,18 @@ impl Word for Instant {
         match self {
             Instant::Reset => "reset",
             Instant::Step => "step",
+        }
+    }
+}
+
+impl Word for Lag {
+    const ALL: &'static [Lag] = &[Lag::Constant, Lag::Held, Lag::Varying];
+
+    fn word(self) -> &'static str {
+        match self {
+            Lag::Constant => "never",
+            Lag::Held => "step",
+            Lag::Varying => "always",
         }
     }
 }

@@ -8,7 +8,9 @@ use super::{FORMAT, VERSION};
 use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, List, MAX_DEPTH, Place, Program, Role, VarId};
-use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Port, PortMember, Quantities, Quantity, RootAction, Steady};
+use crate::model::{
+    AlgebraicCounts, Axis, Delay, Finish, Grid, Interface, Lag, Model, Port, PortMember, Quantities, Quantity, RootAction, Steady,
+};
 
 /// The text of a model.
 ///
@@ -17,7 +19,7 @@ use crate::model::{AlgebraicCounts, Axis, Finish, Grid, Interface, Model, Port, 
 pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
     let nodes = Nodes::new(model);
     let (i, families) = (&model.interface, Families::new(model, nominal));
-    let value = json!({
+    let mut value = json!({
         "format": FORMAT,
         "version": VERSION,
         "name": i.name,
@@ -26,7 +28,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "time": {"name": i.time.name, "unit": i.time.unit},
         "explicit": model.explicit,
         "variables": model.vars.values().filter(|v| v.role != Role::Cache).map(|v| json!({
-            "name": v.name, "role": v.role.word(), "length": v.len,
+            "name": v.name, "role": if v.len == 0 && v.role == Role::Delayed { Role::Scratch } else { v.role }.word(), "length": v.len,
         })).collect::<Vec<_>>(),
         "unknowns": model.unknowns.iter().map(|v| v.index()).collect::<Vec<_>>(),
         "quantities": quantities(&i.quantities),
@@ -64,7 +66,15 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "variants": i.alternatives.variants.iter().map(|v| json!({"name": v.name, "on": v.on})).collect::<Vec<_>>(),
         "choices": i.alternatives.choices.iter().map(|c| json!({"name": c.name, "options": c.options, "chosen": c.chosen()})).collect::<Vec<_>>(),
     });
+    if !model.delays.is_empty() {
+        value["delays"] = model.delays.iter().map(delay).collect();
+    }
     Ok(serde_json::to_string_pretty(&value)? + "\n")
+}
+
+fn delay(delay: &Delay) -> Value {
+    let bounds = (delay.lag != Lag::Constant).then_some(delay.bounds);
+    json!({"name": delay.name, "count": delay.count, "changes": delay.lag.word(), "bounds": bounds, "before": delay.before})
 }
 
 /// What the model was compiled for, as a compiled model keeps it.

@@ -20,6 +20,9 @@ macro_rules! all_programs {
             outputs,
             invariants,
             boxes,
+            delayed,
+            lags,
+            before,
             events,
             policies,
         } = $programs;
@@ -37,7 +40,7 @@ macro_rules! all_programs {
             invariants,
             boxes,
         ];
-        single.into_iter().chain(events).chain(policies.$iter().map(|(_, program)| program))
+        single.into_iter().chain([delayed, lags, before]).chain(events).chain(policies.$iter().map(|(_, program)| program))
     }};
 }
 

@@ -247,6 +247,7 @@ fn call(context: &Context<'_>, function: Ident, pair: Pair<'_, Rule>, depth: usi
     for part in pair.into_inner() {
         match part.as_rule() {
             Rule::reduction => reduction = Some(part),
+            Rule::before => arguments.push(before(context, &function, arguments.len(), part, depth)?),
             _ => arguments.push(nested(context, part, depth)?),
         }
     }
@@ -259,6 +260,19 @@ fn call(context: &Context<'_>, function: Ident, pair: Pair<'_, Rule>, depth: usi
         }
     };
     Ok(Expr { span: place, kind })
+}
+
+/// `before = e`, the third argument of `delay`.
+fn before(context: &Context<'_>, function: &Ident, position: usize, pair: Pair<'_, Rule>, depth: usize) -> Fallible<Expr> {
+    let place = context.span(&pair);
+    if (function.text.as_str(), position) != ("delay", 2) {
+        let message = "`before = ...` is the third argument of `delay`";
+        let fault = Diagnostic::error(codes::SYNTAX, message, place);
+        return Err(Box::new(fault.help("write `delay(e, theta, before = e0)`")));
+    }
+    let mut children = Children::new(pair);
+    children.skip(Rule::equals);
+    children.expect(context, Rule::expr).and_then(|value| nested(context, value, depth))
 }
 
 fn reduce(context: &Context<'_>, function: Ident, body: Expr, pair: Pair<'_, Rule>, depth: usize) -> Fallible<ExprKind> {

@@ -40,6 +40,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::kw_if => "`if`",
         Rule::kw_then => "`then`",
         Rule::kw_else => "`else`",
+        Rule::before => "`before = ...`",
         Rule::kw_in | Rule::bounds => "`in`",
         Rule::kw_for | Rule::for_clause | Rule::reduction | Rule::phase_for | Rule::observation_for => "`for`",
         Rule::kw_over => "`over`",

@@ -181,6 +181,7 @@ impl Environment {
         self.collect_statistics();
         self.integrator.forget();
         self.integrator.carry(self.progress.carried);
+        self.system.trim_past(self.begin);
         self.integrals.fill(0.0);
         // Switches of the equations are taken as they are.
         let count = self.progress.edges.len();
@@ -236,6 +237,7 @@ impl Environment {
     pub(super) fn take_state(&mut self) {
         self.progress.y.copy_from_slice(self.integrator.state());
         self.progress.yp.copy_from_slice(self.integrator.derivative());
+        self.system.look_back(self.integrator.time(), &self.progress.y, &self.progress.yp);
     }
 
     /// A restart sets the integrator's quadratures to zero: what they have come to is kept before.
@@ -327,6 +329,7 @@ impl Environment {
         self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
         self.progress.yp.copy_from_slice(&self.scratch);
         self.system.copy(Region::Previous(Part::Discrete), Region::Discrete);
+        self.system.look_back(self.begin, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
     }

@@ -9,6 +9,7 @@ use super::{Environment, Phase, Replay, finish};
 use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::failure::{SolverFailure, beyond, describe_equation, describe_solver};
 use crate::observe::variate;
+use crate::past::PastError;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
 use crate::solver::{Carried, Edge, SolveError, Statistics, System};
@@ -117,6 +118,9 @@ pub enum ResetError {
     /// The steady state of the episode's parameters was not found.
     #[error("steady state: {0}")]
     Steady(#[from] SteadyError),
+    /// A delayed value that cannot be.
+    #[error(transparent)]
+    Past(#[from] PastError),
     /// The algebraic equations have no solution at the start.
     #[error("initial state: {message}")]
     Inconsistent {
@@ -145,6 +149,7 @@ impl Environment {
         self.drifts.fill(super::Drift::default());
         let setup = std::sync::Arc::clone(&self.setup);
         self.system.restore(setup.system.memory().all());
+        self.system.rest_past();
 
         let given = self.given_parameters(options)?;
         self.draw(options.start);
@@ -152,8 +157,10 @@ impl Environment {
         check_parameters(&setup.catalogue.parameters, self.system.region(Region::Param))?;
         self.find_steady_state(options)?;
         self.set_replay(options)?;
+        self.system.start_past();
         self.initial_values(options)?;
         self.refuse_broken_start()?;
+        self.system.record_start(self.time(), &self.progress.y, &self.progress.yp)?;
         if matches!(options.state, StateInput::Start) {
             self.refuse_outside()?;
         }
@@ -375,6 +382,7 @@ impl Environment {
     fn initial_discretes(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
         let catalogue = &setup.catalogue;
+        self.system.look_back(self.time(), &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.initial_discretes(memory, &mut self.progress.y);
         for (name, &value) in &setup.options.initial {

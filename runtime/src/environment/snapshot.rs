@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{Environment, Progress, Replay};
 use crate::observe::Readings;
+use crate::past::Kept;
 use crate::random::EpisodeKey;
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
-const MAGIC: &[u8; 8] = b"smplsnp\x06";
+const MAGIC: &[u8; 8] = b"smplsnp\x07";
 
 /// Bytes at the end: the hash of all before them.
 const SUM: usize = blake3::OUT_LEN;
@@ -38,6 +39,7 @@ struct Content {
     memory: Vec<f64>,
     progress: Progress,
     replay: Vec<Replay>,
+    past: Option<Kept>,
 }
 
 /// Reason why a snapshot cannot be used.
@@ -108,7 +110,12 @@ impl Environment {
     /// Keeps the present point of the episode.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        let content = Content { memory: self.system.memory().all().to_vec(), progress: self.progress.clone(), replay: self.replay.clone() };
+        let content = Content {
+            memory: self.system.memory().all().to_vec(),
+            progress: self.progress.clone(),
+            replay: self.replay.clone(),
+            past: self.system.past().cloned(),
+        };
         Snapshot { origin: Origin::Here(Arc::clone(&self.setup)), content }
     }
 
@@ -136,13 +143,16 @@ impl Environment {
         if !same {
             self.compare(&snapshot.origin)?;
         }
-        let Content { memory, progress, replay } = &snapshot.content;
+        let Content { memory, progress, replay, past } = &snapshot.content;
         if self.system.memory().all().len() != memory.len() || self.progress.lengths() != progress.lengths() {
             return Err(SnapshotError::Damaged("wrong lengths".into()));
         }
         let disturbances = self.disturbances().len();
         if replay.iter().any(|replay| replay.at >= disturbances || replay.values.is_empty()) {
             return Err(SnapshotError::Damaged("wrong disturbances".into()));
+        }
+        if !self.system.take_past(past.as_ref()) {
+            return Err(SnapshotError::Damaged("wrong past".into()));
         }
         self.system.restore(memory);
         self.progress.clone_from(progress);

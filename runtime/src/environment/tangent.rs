@@ -241,6 +241,9 @@ impl Environment {
         action: &[f64],
     ) -> Result<StepResult, FollowError> {
         self.check(action).map_err(|e| FollowError::Failed(e.to_string()))?;
+        if let Some(delay) = self.setup.model().model().delays.first() {
+            return Err(FollowError::Refused(format!("`{}` reads the past, of which there are no derivatives", delay.name)));
+        }
         if let Some(at) = action.iter().position(|a| !a.is_finite()) {
             let name = &self.setup.catalogue.actions.elements()[at].name;
             return Err(FollowError::Failed(format!("action `{name}` is not finite")));

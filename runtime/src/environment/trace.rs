@@ -72,6 +72,7 @@ impl Environment {
         let Some(mut trace) = self.trace.take() else { return };
         let (y, yp) = (self.integrator.state(), self.integrator.derivative());
         if !trace.outputs.is_empty() {
+            self.system.look_back(t, y, yp);
             let (model, memory) = self.system.parts();
             model.outputs(memory, t, y, yp, &mut trace.outputs);
         }

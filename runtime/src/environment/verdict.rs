@@ -80,6 +80,7 @@ impl Environment {
 
     /// Runs the `finish` program.
     pub(super) fn evaluate_finish(&mut self, t: f64) {
+        self.system.look_back(t, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.finish(memory, t, &self.progress.y, &self.progress.yp, self.finish.all_mut());
     }
@@ -225,6 +226,7 @@ impl Environment {
         let items: usize = interface.finish.failures.iter().map(|f| f.items.len()).sum();
         let mut values = vec![0.0; items];
         let t = self.time();
+        self.system.look_back(t, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.boxes(memory, t, &self.progress.y, &self.progress.yp, &mut values);
         let mut rest = values.as_slice();

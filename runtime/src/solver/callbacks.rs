@@ -300,6 +300,33 @@ impl Bridge {
         Ok(next)
     }
 
+    /// Calls a function of a system that reads its past.
+    pub(super) fn with_past(&mut self, call: impl FnOnce(&mut dyn System)) -> Result<(), c_int> {
+        self.guarded(call)
+    }
+
+    /// The longest step in which the equations read nothing of the step itself.
+    pub(super) fn longest_step(&mut self) -> Result<f64, c_int> {
+        let mut longest = f64::INFINITY;
+        self.guarded(|system| longest = system.longest_step())?;
+        Ok(longest)
+    }
+
+    /// Lets a system that reads its past record the last step.
+    pub(super) fn record(&mut self, span: (f64, f64), rtol: f64, (y, yp): (&mut Vector, &mut Vector)) -> Result<(), c_int> {
+        let Some(memory) = self.memory.take() else { return Err(FATAL) };
+        let mut known = true;
+        let done = self.guarded(|system| {
+            system.record(span, rtol, &mut |t, unknowns, rates| {
+                known &= memory.interpolate(t, 0, y).is_ok() && memory.interpolate(t, 1, yp).is_ok();
+                unknowns.copy_from_slice(y.entries());
+                rates.copy_from_slice(yp.entries());
+            });
+        });
+        self.memory = Some(memory);
+        if known { done } else { Err(FATAL) }
+    }
+
     /// Evaluates what time itself moves into `out`.
     pub(super) fn forcings(&mut self, t: f64, y: &Content, yp: &Content, out: &mut [f64]) -> Result<(), c_int> {
         self.guarded(|system| system.forcings(t, y.entries(), yp.entries(), out))

@@ -58,6 +58,9 @@ pub struct Ida {
     time: f64,
     phase: Phase,
     past: Past,
+    /// The system reads its past; and the longest step in the present interval.
+    has_past: bool,
+    longest_step: f64,
 }
 
 /// Properties of the system that need no evaluation.
@@ -138,6 +141,18 @@ impl Ida {
     /// guesses.
     fn initialise(&mut self, first: bool) -> Result<(), SolveError> {
         self.memory.begin();
+        if !self.has_past {
+            return self.make_consistent(first);
+        }
+        let (time, rtol) = (self.time, self.settings.rtol);
+        let Self { memory, y, .. } = self;
+        memory.bridge_mut().with_past(|system| system.begin(time, y.entries())).map_err(|_| self.fault())?;
+        self.make_consistent(first)?;
+        let Self { memory, y, yp, .. } = self;
+        memory.bridge_mut().with_past(|system| system.begun(time, y.entries(), yp.entries(), rtol)).map_err(|_| self.fault())
+    }
+
+    fn make_consistent(&mut self, first: bool) -> Result<(), SolveError> {
         match &mut self.consistent {
             Some(consistent) => consistent
                 .begin(self.memory.bridge_mut(), first, self.time, (&mut self.y, &mut self.yp))
@@ -203,6 +218,7 @@ impl Ida {
     /// The first step, or zero for IDA's rule.
     fn first_step(&mut self, interval: f64, course: Course) -> Result<f64, SolveError> {
         let (bridge, time) = (self.memory.bridge_mut(), self.time);
+        let longest = if self.has_past { self.longest_step } else { f64::INFINITY };
         if let Some(quadratures) = &mut self.quadratures
             && quadratures.begin(bridge, time, interval, &self.y, &self.yp).is_err()
         {
@@ -213,7 +229,7 @@ impl Ida {
             (FirstStep::Scaled { factor }, _) => factor * self.past.last_step,
             (FirstStep::Estimated { safety }, Some(consistent)) => {
                 let mut start = Start { bridge, time, interval, y: &self.y, yp: &mut self.yp, quadratures: self.quadratures.as_mut() };
-                let bound = course.longest_first_step(interval).min(interval);
+                let bound = course.longest_first_step(interval).min(interval).min(longest);
                 let step = consistent.first_step(&mut start, safety);
                 step.map(|step| consistent.look_ahead(&mut start, step.min(bound), bound, course > Course::Flat))
                     .map_err(|cause| self.inconsistent(cause))?
@@ -274,8 +290,8 @@ impl Ida {
         // where derivatives follow: a single step ends with those of its last iteration. What else
         // IDA returns is interpolated.
         let integrates = self.quadratures.as_ref().is_some_and(|q| q.by_steps.is_none());
-        let by_steps = self.following.is_some() || (self.quadratures.is_some() && !integrates);
-        self.discard(!integrates && self.following.is_none());
+        let by_steps = self.following.is_some() || self.has_past || (self.quadratures.is_some() && !integrates);
+        self.discard(!integrates && self.following.is_none() && !self.has_past);
         let value = match by_steps {
             true => self.run_by_steps(t_end),
             false => Ok(self.memory.solve(t_end, &mut self.time, &mut self.y, &mut self.yp, Task::Normal)),
@@ -293,6 +309,7 @@ impl Ida {
             if !matches!(value, IDA_SUCCESS | IDA_TSTOP_RETURN) {
                 return Ok(value);
             }
+            self.record((begin, self.time))?;
             if let Some(quadratures) = &mut self.quadratures {
                 quadratures.next_step(begin);
             }
@@ -307,6 +324,17 @@ impl Ida {
             }
         }
         Ok(IDA_TOO_MUCH_WORK)
+    }
+
+    /// Lets a system that reads its past record the last step.
+    fn record(&mut self, span: (f64, f64)) -> Result<(), SolveError> {
+        if !self.has_past {
+            return Ok(());
+        }
+        let rtol = self.settings.rtol;
+        let Self { memory, later, .. } = self;
+        let Some((y, yp)) = later else { return Ok(()) };
+        memory.bridge_mut().record(span, rtol, (y, yp)).map_err(|_| self.fault())
     }
 
     /// Takes the integrals up to a time in the last step.

@@ -73,5 +73,5 @@ pub use linear::Method as LinearMethod;
 pub use onestep::OneStep;
 pub use settings::{FirstStep, LinearSolver, Method, Quadratures, Settings};
 pub(crate) use staggered::Staggered;
-pub use system::{Following, Pattern, PatternError, RootKind, RootRole, System};
+pub use system::{Following, Pattern, PatternError, RootKind, RootRole, System, Within};
 pub use watch::Edge;

@@ -168,6 +168,36 @@ pub trait System {
         false
     }
 
+    /// Whether the equations read what unknowns were at earlier times, which the system records itself by the functions that follow.
+    fn has_past(&self) -> bool {
+        false
+    }
+
+    /// The longest step in which the equations read nothing of the step itself.
+    fn longest_step(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// The integration is about to begin anew behind a break.
+    fn crosses(&mut self, at: f64) {
+        let _ = at;
+    }
+
+    /// An integration begins at a time with these unknowns, which may not be consistent yet: forgets what was recorded later.
+    fn begin(&mut self, t: f64, y: &[f64]) {
+        let _ = (t, y);
+    }
+
+    /// An integration has begun, with consistent unknowns and rates, which tolerance `rtol` bounds.
+    fn begun(&mut self, t: f64, y: &[f64], yp: &[f64], rtol: f64) {
+        let _ = (t, y, yp, rtol);
+    }
+
+    /// Records an accepted step between two times, in which `within` writes unknowns and rates at any time.
+    fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        let _ = (span, rtol, within);
+    }
+
     /// Number of quadratures.
     fn quadrature_count(&self) -> usize {
         0
@@ -178,6 +208,9 @@ pub trait System {
         let _ = (t, y, yp, out);
     }
 }
+
+/// Writes unknowns and rates at a time within a step.
+pub type Within<'a> = &'a mut dyn FnMut(f64, &mut [f64], &mut [f64]);
 
 /// Leading unknowns that derivatives follow, and their Jacobian.
 #[derive(Clone, Copy)]

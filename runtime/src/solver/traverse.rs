@@ -81,6 +81,9 @@ pub(crate) trait Traverse {
     /// The first time from `t` on at which the equations change their form.
     fn next_break(&mut self, t: f64) -> Result<f64, SolveError>;
 
+    /// Notes the break that is crossed next.
+    fn note_break(&mut self, at: f64) -> Result<(), SolveError>;
+
     /// Begins anew at another time with the present state: algebraic unknowns and derivatives are
     /// others there.
     fn cross(&mut self, to: f64) -> Result<(), SolveError>;
@@ -227,6 +230,7 @@ pub(crate) trait Traverse {
                 }
             }
             let behind = (at.max(self.time()) + width).min(t_end);
+            self.note_break(at)?;
             self.cross(behind)?;
             if behind == t_end {
                 return self.solve_past_switches(t_end, &mut stops);

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use smpl_compiler::compiled::{Derived, WithRespectTo};
 use smpl_compiler::layout::Region;
 
+use super::delays::Delays;
 use super::error::SteadyError;
 use super::frames::{self, Frames};
 use crate::catalogue::{Catalogue, Element};
@@ -46,7 +47,9 @@ pub(super) struct Problem {
     gradient: Vec<Option<usize>>,
     /// Values of other instants in the equations, which are the point itself.
     frames: Option<Frames>,
-    /// Entries of the reduced Jacobian to which values of the frames are added: entry, value.
+    /// What is delayed, which is the present.
+    delays: Option<Delays>,
+    /// Entries of the reduced Jacobian to which values of the frames, and behind them of the delays, are added: entry, value.
     added: Vec<(usize, usize)>,
     /// Places of the reduced Jacobian's entries among all entries; `None` where only frames have
     /// one.
@@ -78,7 +81,6 @@ impl Problem {
             [] => replaced(&triplets, numbers, fixed, system.model().states(), &scales)?,
             _ => numbers.iter().enumerate().map(|(i, &condition)| (condition, n + i)).collect(),
         };
-        let pattern = system.pattern();
         let free: Vec<usize> = (0..n).filter(|&i| !fixed[i]).chain(n..n + actions.len()).collect();
         let row_places = match actions {
             [] => free.clone(),
@@ -93,7 +95,10 @@ impl Problem {
         row_places.iter().enumerate().for_each(|(position, &at)| number[at] = Some(position));
         conditions.iter().filter(|&&(_, row)| row < n).for_each(|&(_, row)| number[row] = None);
         let frames = Frames::new(system)?;
-        let by_frames = frames.iter().flat_map(|frames| frames.places.iter().enumerate());
+        let delays = Delays::new(system, y)?;
+        let pattern = system.pattern();
+        let places = frames.iter().flat_map(|frames| &frames.places).chain(delays.iter().flat_map(|delays| &delays.places));
+        let by_frames = places.enumerate();
         let by_frames: Vec<(usize, usize, usize)> =
             by_frames.filter_map(|(value, &(row, column))| Some((number[row]?, column, value))).collect();
         // The row of each slope: that of its condition, or an equation.
@@ -147,6 +152,7 @@ impl Problem {
             conditions,
             gradient,
             frames,
+            delays,
             added,
             kept,
             scales,
@@ -256,6 +262,9 @@ impl Problem {
             frames::rest_at(system, y);
             frames.evaluate(system, y, &self.zero);
         }
+        if let Some(delays) = &mut self.delays {
+            delays.evaluate(system, y, &self.zero);
+        }
         let (jacobian, behind) = self.entries.split_at_mut(system.pattern().entries());
         system.jacobian(0.0, y, &self.zero, cj, jacobian);
         if !self.gradient.is_empty() {
@@ -270,8 +279,10 @@ impl Problem {
         for (value, &entry) in self.reduced.iter_mut().zip(&self.kept) {
             *value = entry.map_or(0.0, |entry| self.entries[entry]);
         }
-        if let Some(frames) = &self.frames {
-            self.added.iter().for_each(|&(entry, value)| self.reduced[entry] += frames.values[value]);
+        let moved = self.frames.iter().flat_map(|frames| &frames.values).chain(self.delays.iter().flat_map(|delays| &delays.values));
+        if !self.added.is_empty() {
+            let moved: Vec<f64> = moved.copied().collect();
+            self.added.iter().for_each(|&(entry, value)| self.reduced[entry] += moved[value]);
         }
     }
 

@@ -47,6 +47,8 @@ pub(in crate::elaborate) enum Call {
     Frame(Flavour),
     /// `integral(e)` over the step.
     Quadrature,
+    /// `delay(e, theta)`, `delay(e, theta, before = e0)`
+    Delay,
     /// `kelvin(T)`
     Kelvin,
     /// `celsius(T)`
@@ -184,6 +186,12 @@ pub const BUILTINS: &[Builtin] = &[
             "integral over the step, by quadrature; outside equations. `integral(e for z)`: over the cells of a domain",
         ),
         Over::Integral,
+    ),
+    any_call(
+        "delay",
+        "delay(e, theta)`, `delay(e, theta, before = e0)",
+        Call::Delay,
+        "value of `e` a dead time `theta` ago, see [Dead time](dead-time.md); before the start the value at the start, or `e0`",
     ),
     call("der", "der(x)", 1, Call::Derivative, "time derivative, on a right side too"),
     call("kelvin", "kelvin(T)", 1, Call::Kelvin, TEMPERATURE),

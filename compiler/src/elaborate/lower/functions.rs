@@ -10,7 +10,7 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, boxes, interpolation, operators, random_and_tables, units};
+use crate::elaborate::lower::{Lowering, boxes, delays, interpolation, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{SymbolId, SymbolKind};
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
@@ -53,6 +53,7 @@ fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), ar
         (Call::Derivative, [a]) => l.derivative(span, a, place),
         (Call::Frame(flavour), [a]) => flavoured(l, span, name, flavour, a, place),
         (Call::Quadrature, [a]) => quadrature(l, span, a, place),
+        (Call::Delay, _) => delays::delay(l, span, arguments, place),
         (Call::Kelvin, [a]) => kelvin(l, a, place),
         (Call::Celsius, [a]) => celsius(l, a, place),
         (Call::Value, [a]) => plain_value(l, a, None, place),
@@ -87,7 +88,6 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
     let help = match name.as_str() {
         "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
         "pow" => Some("write `x^y`".to_owned()),
-        "delay" => Some("the language has no continuous delay: keep past samples in an array of discrete variables (`next past[i] = past[i - 1]`), or approximate the delay by a chain of first-order lags".to_owned()),
         _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
         _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
         _ => None,
@@ -278,7 +278,7 @@ fn flavoured(l: &mut Lowering<'_, '_>, span: Span, name: &str, flavour: Flavour,
     let at_frame = l.exprs.in_frame(v.expr, flavour, &|var| vars[var].role, builtins, &mut crate::ir::Rewritten::default());
     let (message, help) = match at_frame {
         Ok(expr) => return Value { expr, unit: v.unit },
-        Err(Unframed::OverTime) => (format!("`{name}` of a derivative or an integral over the step"), None),
+        Err(Unframed::OverTime) => (format!("`{name}` of a derivative, an integral over the step or a delayed value"), None),
         Err(Unframed::Frame) => {
             (format!("`{name}` of `previous`"), Some("a discrete variable keeps what was two steps ago: `at end { next last = x }`"))
         }

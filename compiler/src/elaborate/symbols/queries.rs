@@ -22,6 +22,7 @@ impl<'a> Symbols<'a> {
                     Role::Disturbance => "the disturbance",
                     Role::Builtin => return Some("the clock".to_owned()),
                     Role::Quadrature => return Some("an integral over the step".to_owned()),
+                    Role::Delayed => return Some("a delayed value".to_owned()),
                     _ => return None,
                 };
                 Some(format!("{what} `{name}`"))

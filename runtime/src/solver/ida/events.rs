@@ -59,6 +59,13 @@ impl Traverse for Ida {
         self.bridge().next_break(t).map_err(|_| self.fault())
     }
 
+    fn note_break(&mut self, at: f64) -> Result<(), SolveError> {
+        if !self.has_past {
+            return Ok(());
+        }
+        self.bridge().with_past(|system| system.crosses(at)).map_err(|_| self.fault())
+    }
+
     fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.time = to;
         self.initialise(false)?;

@@ -22,7 +22,7 @@ impl Ida {
         let mut bridge = bridge(system, &settings, operations, context)?;
         let sharing = || Vector::sharing(n, operations, context, &bridge.shared);
         let (y, yp) = (sharing(), sharing());
-        let later = (system.root_count() > 0).then(|| (sharing(), sharing()));
+        let later = (system.root_count() > 0 || system.has_past()).then(|| (sharing(), sharing()));
         let derivative = (system.root_count() > 0 && system.roots_use_derivatives()).then(sharing);
         bridge.derivative = derivative;
         let bounded = system.root_kinds().iter().any(|kind| kind.bounded);
@@ -48,6 +48,8 @@ impl Ida {
             time: 0.0,
             phase: Phase::Idle,
             past: Past::none(),
+            has_past: system.has_past(),
+            longest_step: f64::INFINITY,
         };
         ida.configure(system)?;
         Ok(ida)

@@ -47,6 +47,7 @@ impl Run<'_> {
     /// guesses.
     pub(crate) fn initialise(&mut self, t: f64, first: bool) -> Result<(), SolveError> {
         self.one.frame.t = t;
+        self.system.begin(t, self.one.frame.y());
         self.make_consistent(t, first)?;
         let frame = &mut self.one.frame;
         frame.functions.rates(self.system, t, &frame.begin, &mut frame.begin_rates);
@@ -58,6 +59,8 @@ impl Run<'_> {
         if self.one.algebra.is_none() {
             self.one.derivative.copy_from_slice(&self.one.frame.begin_rates);
         }
+        let OneStep { frame, derivative, settings, .. } = &*self.one;
+        self.system.begun(t, frame.y(), entries(derivative, frame.n), settings.rtol);
         Ok(())
     }
 
@@ -299,6 +302,7 @@ impl Run<'_> {
             self.prepare();
         }
         self.derive_end(to, differentiates);
+        self.record(to);
         self.integrate(to)?;
         let passed = self.looks_passed(to)?;
         if passed {
@@ -312,6 +316,21 @@ impl Run<'_> {
             return Ok(Some(Advance::Event));
         }
         Ok(last.then_some(Advance::Reached))
+    }
+
+    /// Lets a system that reads its past record the step.
+    fn record(&mut self, to: f64) {
+        if !self.system.has_past() {
+            return;
+        }
+        self.prepare();
+        let OneStep { frame, methods, settings, inside: [y, yp], .. } = &mut *self.one;
+        let n = frame.n;
+        self.system.record((frame.t, to), settings.rtol, &mut |t, unknowns, rates| {
+            methods.interpolate(t, y, Some(&mut **yp));
+            unknowns.copy_from_slice(entries(y, n));
+            rates.copy_from_slice(entries(yp, n));
+        });
     }
 
     /// Makes the polynomial of the step, once.
@@ -502,6 +521,11 @@ impl Traverse for Run<'_> {
         Ok(self.system.next_break(t))
     }
 
+    fn note_break(&mut self, at: f64) -> Result<(), SolveError> {
+        self.system.crosses(at);
+        Ok(())
+    }
+
     fn cross(&mut self, to: f64) -> Result<(), SolveError> {
         self.one.time = to;
         // A step that ended at a switch says nothing of what comes.
@@ -527,13 +551,13 @@ impl Traverse for Run<'_> {
         self.one.frame.careful = matches!(course, Course::Structured(_));
         // Steps have to be longer than time is rounded.
         let shortest = SHORTEST * f64::EPSILON * (self.one.time.abs() + t_end.abs());
-        let longest = course.longest_step(interval).max(shortest).min(self.one.settings.max_step);
+        let longest = course.longest_step(interval).max(shortest).min(self.one.settings.max_step).min(self.system.longest_step());
         if fresh {
             self.begin(interval, course.longest_first_step(interval).min(longest));
         }
         self.one.phase = Phase::Running;
         for _ in 0..self.one.settings.max_steps {
-            if let Some(advance) = self.step(t_end, longest)? {
+            if let Some(advance) = self.step(t_end, longest.min(self.system.longest_step()))? {
                 return Ok(advance);
             }
         }

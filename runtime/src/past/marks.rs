@@ -1,0 +1,138 @@
+//! Times at which delayed values are not smooth.
+//!
+//! Where a value jumps at one time, delayed ones do a dead time later; unknowns that follow them have a kink there, and so on: each generation is
+//! smoother by one derivative (C. A. H. Paul, *Math. Comput. Simul.* 37 (1994) 1-8). Those that a method would notice are breaks.
+
+use serde::{Deserialize, Serialize};
+
+/// Derivative that jumps: 0 for the value itself. Smoother places are left to the error test.
+pub(super) type Level = u8;
+
+/// The smoothest places that are breaks.
+const SMOOTHEST: Level = 5;
+
+/// Two times this near each other, in parts of the larger one, are one.
+const NEAR: f64 = 2e-12;
+
+/// A place at which a recorded value is not smooth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Mark {
+    time: f64,
+    level: Level,
+}
+
+/// A place at which a delayed value is not smooth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Break {
+    time: f64,
+    /// The mark that it comes from.
+    source: f64,
+    level: Level,
+    /// Left behind.
+    done: bool,
+}
+
+/// Marks and breaks.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Marks {
+    marks: Vec<Mark>,
+    breaks: Vec<Break>,
+}
+
+fn near(time: f64) -> f64 {
+    NEAR * time.abs()
+}
+
+impl Marks {
+    pub(super) fn clear(&mut self) {
+        self.marks.clear();
+        self.breaks.clear();
+    }
+
+    /// The next break.
+    pub(super) fn next(&self) -> f64 {
+        self.breaks.iter().filter(|b| !b.done).map(|b| b.time).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Notes a place with these distinct dead times behind it.
+    pub(super) fn add(&mut self, time: f64, level: Level, lags: &[f64]) {
+        if level > SMOOTHEST {
+            return;
+        }
+        if let Some(mark) = self.marks.iter_mut().rev().find(|mark| (mark.time - time).abs() <= near(time)) {
+            if level < mark.level {
+                mark.level = level;
+                let source = mark.time;
+                self.breaks.iter_mut().filter(|b| b.source == source).for_each(|b| b.level = level);
+            }
+            return;
+        }
+        self.marks.push(Mark { time, level });
+        self.breaks.extend(lags.iter().map(|lag| Break { time: time + lag, source: time, level, done: false }));
+    }
+
+    /// An integration begins at a time: what was noted later is forgotten, and breaks up to there are left behind. Where values that are delayed read delayed
+    /// ones `directly`, these are no smoother.
+    pub(super) fn begin(&mut self, time: f64, directly: bool, lags: &[f64]) {
+        let reach = time + near(time);
+        self.marks.retain(|mark| mark.time <= reach);
+        self.breaks.retain(|b| b.source <= reach);
+        self.breaks.iter_mut().filter(|b| b.time > reach).for_each(|b| b.done = false);
+        while let Some(at) = self.breaks.iter().position(|b| !b.done && b.time <= reach) {
+            self.breaks[at].done = true;
+            let Break { time, level, .. } = self.breaks[at];
+            self.add(time, if directly { level } else { level + 1 }, lags);
+        }
+    }
+
+    /// The dead times are others: breaks follow from the marks anew, as seen from a time.
+    pub(super) fn renew(&mut self, time: f64, lags: &[f64]) {
+        let reach = time + near(time);
+        self.breaks.clear();
+        for mark in &self.marks {
+            let of = lags.iter().map(|lag| Break { time: mark.time + lag, source: mark.time, level: mark.level, done: false });
+            self.breaks.extend(of.filter(|b| b.time > reach));
+        }
+    }
+
+    /// Forgets what was earlier than a time and has no break later than that.
+    pub(super) fn trim(&mut self, time: f64, longest: f64) {
+        self.breaks.retain(|b| b.time >= time);
+        self.marks.retain(|mark| mark.time + longest >= time);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_generation_is_smoother_until_it_is_smooth_enough() {
+        let (mut marks, lags) = (Marks::default(), [1.0]);
+        marks.add(0.0, 1, &lags);
+        let mut breaks = Vec::new();
+        while marks.next().is_finite() {
+            breaks.push(marks.next());
+            marks.begin(marks.next(), false, &lags);
+        }
+        assert_eq!(breaks, [1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn a_break_that_was_passed_comes_again_where_the_integration_goes_back() {
+        let (mut marks, lags) = (Marks::default(), [1.0]);
+        marks.add(0.0, 0, &lags);
+        marks.begin(1.0, false, &lags);
+        assert_eq!(marks.next(), 2.0);
+        marks.begin(0.5, false, &lags);
+        assert_eq!(marks.next(), 1.0);
+    }
+
+    #[test]
+    fn places_near_each_other_are_one() {
+        let (mut marks, lags) = (Marks::default(), [1.0, 1.5]);
+        marks.add(3.0, 2, &lags);
+        marks.add(3.0 + 1e-12, 0, &lags);
+        assert_eq!((marks.marks.len(), marks.breaks.len(), marks.breaks[0].level), (1, 2, 0));
+    }
+}
