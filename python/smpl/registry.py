@@ -46,6 +46,8 @@ GALLERY = {
     "BakersYeast": "bakers_yeast",
     "LithiumIon": "lithium_ion",
     "XyleneBed": "xylene_bed",
+    "ChyllaHaase": "chylla_haase",
+    "ExchangerNetwork": "exchanger_network",
 }
 
 

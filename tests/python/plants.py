@@ -37,7 +37,7 @@ def difference(
     method: str = "LSODA",
     rtol: float = 1e-11,
     disturbances: Mapping[str, float] | None = None,
-    discrete: Mapping[str, float] | None = None,
+    first_step: int = 0,
     **options: npt.ArrayLike,
 ) -> float:
     """Largest difference of a trajectory from that of SciPy, relative to the largest value of each state.
@@ -45,7 +45,7 @@ def difference(
     `right_side(x, u)` has the states in the order and the units of the model, and its unit of time. `options` are those
     of the method.
     """
-    run = model.rollout(start, actions, disturbances=disturbances, discrete=discrete)
+    run = model.rollout(start, actions, disturbances=disturbances, first_step=first_step)
     assert not run.failure[0], run.failure[0]
     assert run.steps[0] == len(actions)
     found, expected = run.states[0], [start]

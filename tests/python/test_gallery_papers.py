@@ -268,3 +268,81 @@ def test_the_bed_moves_as_in_scipy():
     actions = np.array([[632.0, 4684], [632, 4500], [628, 4500]])
     cells = np.kron(np.eye(80) + np.eye(80, k=-1), np.ones((3, 3)))
     assert difference(model, bed, rest(model), actions, 30.0, method="BDF", rtol=1e-9, jac_sparsity=cells) < 1e-6
+
+
+def chylla_haase(rate):
+    """Product A of the benchmark with a constant feed, kg/s; the delays are ten lags each. Time in seconds."""
+
+    def right_side(x, u):
+        monomer, polymer, T, out, into = x[:5]
+        jacket, pipe = x[5:15], x[15:]
+        water, c = 42.75, u[0]
+        f = polymer / (monomer + polymer + water)
+        viscosity = lambda at: 5.2e-5 * np.exp(16.4 * f) * 10 ** (2.3 * (555.556 / at - 1.563))  # noqa: E731
+        k = 55 * np.exp(-29560.89 / (8.314 * T)) * (1000 * viscosity(T)) ** 0.4
+        wall = (T + (into + out) / 2) / 2
+        U = 1 / (1 / (0.814 * np.exp(-5.13 * viscosity(wall))) + 0.352)
+        area = (monomer / 900 + polymer / 1040 + water / 1000) * 1.594 / 0.193 + 0.167
+        heat = U * area * (T - (into + out) / 2)
+        gain = 0.8 * 30 ** (-c / 50) * (294.26 - into) if c < 50 else 0.15 * 30 ** (c / 50 - 2) * (449.82 - into)
+        made = k * monomer
+        released = 70152.16 / 104 * made + rate * 1.675 * (305.382 - T) - 0.00567567 * (T - 305.382) - heat
+        moved = np.diff(np.r_[into, jacket]) * -10 / 22.8
+        returned = np.diff(np.r_[out, pipe]) * -10 / 15
+        head = [
+            rate - made,
+            made,
+            released / (1.675 * monomer + 3.14 * polymer + 4.187 * water),
+            (0.9412 * 4.187 * (jacket[-1] - out) + heat) / (21.455 * 4.187),
+            returned[-1] + (pipe[-1] - into + gain) / 40.2,
+        ]
+        return 60 * np.r_[head, moved, returned]
+
+    return right_side
+
+
+def test_the_semibatch_polymerisation_moves_as_in_scipy():
+    """Ten minutes of heating, then ten of the feed from there."""
+    model = smpl.compile("chylla_haase")
+    start = np.r_[0, 11.227, np.full(23, 305.382)]
+    heating = np.full((30, 1), 90.0)
+    assert difference(model, chylla_haase(0.0), start, heating, 1 / 3) < 1e-6
+    warm = np.r_[2.0, 15, np.full(23, 355)]
+    actions = np.repeat([[30.0], [60], [10]], 10, axis=0)
+    fed = difference(model, chylla_haase(7.56e-3), warm, actions, 1 / 3, first_step=100)
+    assert fed < 1e-6
+
+
+def test_monomer_fed_is_monomer_left_and_polymer_made():
+    """7.56e-3 kg/s for 70 minutes."""
+    model = smpl.compile("chylla_haase")
+    start = np.r_[0, 11.227, np.full(23, 355.0)]
+    end = model.rollout(start, np.full((450, 1), 48.0)).states[0, -1]
+    assert end[0] + end[1] - 11.227 == pytest.approx(7.56e-3 * 70 * 60, rel=1e-7)
+
+
+def network(x, u):
+    sides = x.reshape(3, 2, 5)
+    rates = np.empty_like(sides)
+
+    def exchanger(i, hot, w, cold, by):
+        h, c = sides[i]
+        heat = 0.6 * (h - c)
+        rates[i] = ((1 - by) * w * (np.r_[hot, h[:-1]] - h) - heat) / 60, (2.5 * (np.r_[c[1:], cold] - c) + heat) / 60
+
+    first, second, third = sides
+    leaving = u[2] * 180 + (1 - u[2]) * third[0, -1]
+    exchanger(0, 150, 1.5, 40, u[0])
+    exchanger(1, leaving, 2, first[1, 0], u[1])
+    exchanger(2, 180, 2, second[1, 0], u[2])
+    return 60 * rates.ravel()
+
+
+def test_the_heat_exchanger_network_moves_as_in_scipy_and_closes_its_balance():
+    model = smpl.compile("exchanger_network")
+    start, actions = rest(model), moves(model, 40, 0.5)
+    assert difference(model, network, start, actions, 0.5) < 1e-6
+    run = model.rollout(start, [model.native.defaults("action")], outputs=True)
+    out = dict(zip(model.algebraic_names, run.outputs[0, 0], strict=True))
+    lost = 2 * (180 - out["T_h1"]) + 1.5 * (150 - out["T_h2"])
+    assert lost == pytest.approx(2.5 * (out["T_c"] - 40), rel=1e-8)

@@ -139,6 +139,17 @@ def _xylene_bed() -> Loops:
     return Loops(PID("T_hot", "T_w", 0.1, 200, set_point=678))
 
 
+def _chylla_haase() -> Loops:
+    return Loops(PID("T", "c", 10, 10, 2, set_point=355.382))
+
+
+def _exchanger_network() -> Loops:
+    return Loops(
+        PID("T_c", "b_3", -0.03, 3),
+        PID("T_h2", "b_1", 0.003, 1),
+    )
+
+
 LOOPS: dict[str, Callable[[], Loops]] = {
     "tennessee_eastman": _tennessee_eastman,
     "bsm1": _bsm1,
@@ -166,6 +177,8 @@ LOOPS: dict[str, Callable[[], Loops]] = {
     "glucose_insulin": _glucose_insulin,
     "lithium_ion": _lithium_ion,
     "xylene_bed": _xylene_bed,
+    "chylla_haase": _chylla_haase,
+    "exchanger_network": _exchanger_network,
 }
 
 # Batches, which declare a policy `recipe`.
