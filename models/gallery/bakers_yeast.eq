@@ -6,7 +6,7 @@ model BakersYeast "Fed-batch cultivation of baker's yeast: overflow of glucose t
 #
 # Task: as much yeast as possible by the feed: too much sugar goes to ethanol, too little leaves the cells hungry.
 #
-# Checked: sugar, ethanol and oxygen of the rates balance; trajectories of SciPy.
+# Checked: trajectories of SciPy, through the switch between respiration and fermentation.
 
 time t : h
 

@@ -8,7 +8,7 @@ model ChyllaHaase "Semibatch polymerisation of the Chylla-Haase benchmark: jacke
 # Task: bring the reactor to 355.382 K and hold it by the split-range valve of coolant and steam, while monomer is fed from minute 30 to
 # 100. Reactivity and fouling differ from batch to batch; the viscosity rises and the heat transfer falls.
 #
-# Checked: monomer fed is monomer left and polymer made; heat of reaction, of feed and of losses balance; trajectories of SciPy.
+# Checked: monomer fed is monomer left and polymer made; trajectories of SciPy.
 
 time t : min
 

@@ -52,6 +52,9 @@ level online "levels, and an analysis of the bottoms a step late" {
 reward operation default = -sq((x_B[B] - steady(x_B[B]))/0.02) - 0.1*(sq((H_R - 1.5 [m])/0.3 [m]) + sq((H_M - 1.5 [m])/0.3 [m]) + sq((H_B - 1.5 [m])/0.3 [m]))    "deviations of the product and of the levels"
 constraint low when H_R < 0.5 [m] or H_M < 0.5 [m] or H_B < 0.5 [m]
 constraint high when H_R > 3 [m] or H_M > 3 [m] or H_B > 3 [m]
-fail state_box when outside bounds(H_R, H_M, H_B)
+fail empty_reactor event H_R <= 0.1 [m]
+fail empty_buffer event H_M <= 0.1 [m]
+fail empty_separator event H_B <= 0.1 [m]
+fail full when H_R > 4 [m] or H_M > 4 [m] or H_B > 4 [m]
 episode { step = 2 [min], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }

@@ -14,14 +14,16 @@ from plants import difference, gains, moves, near, rest
 
 def test_four_tanks_have_the_published_operating_points():
     """Johansson 2000, Table II: measured levels, gains and time constants of both phases."""
-    for variants, levels, voltage, published in (
-        ((), (12.4, 12.7, 1.8, 1.4), 3.0, [[2.6, 1.5], [1.4, 2.8]]),
-        (("nonminimum_phase",), (12.6, 13.0, 4.8, 4.9), 3.15, [[1.5, 2.5], [2.5, 1.6]]),
+    for variants, levels, voltage, published, times in (
+        ((), (12.4, 12.7, 1.8, 1.4), 3.0, [[2.6, 1.5], [1.4, 2.8]], [23, 30, 62, 90]),
+        (("nonminimum_phase",), (12.6, 13.0, 4.8, 4.9), 3.15, [[1.5, 2.5], [2.5, 1.6]], [39, 56, 63, 91]),
     ):
         model = smpl.compile("four_tanks", variants=variants)
         action = np.full(2, voltage)
         np.testing.assert_allclose(model.steady_state(action)[:4], levels, atol=0.21)
         np.testing.assert_allclose(gains(model, action)[:2], published, atol=0.08)
+        A = model.linearize(model.steady_state(action), action)[0]
+        np.testing.assert_allclose(np.sort(-1 / np.linalg.eigvals(A).real), times, atol=1.1)
 
 
 @pytest.mark.parametrize(("variants", "published"), [((), (-0.060, -0.018)), (("nonminimum_phase",), (-0.057, 0.013))])

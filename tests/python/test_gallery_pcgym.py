@@ -192,7 +192,10 @@ def test_a_system_of_pcgym_moves_as_in_scipy(name, variants, right_side, step, s
 def test_the_crystalliser_moves_as_in_scipy():
     model = smpl.compile("potassium_sulfate")
     actions = np.linspace(39, 25, 30)[:, None]
-    assert difference(model, potassium_sulfate, rest(model), actions, 1.0) < 1e-6
+    start = rest(model)
+    assert difference(model, potassium_sulfate, start, actions, 1.0) < 1e-6
+    grown, lost = (model.rollout(start, actions).states[0, -1] - start)[3:]
+    assert -lost == pytest.approx(0.5 * 2.658 * 7.510905767 / 3 * grown * 1e-12, rel=1e-6)
 
 
 def test_the_response_of_the_first_order_system_is_an_exponential():
