@@ -51,7 +51,7 @@ def test_a_wheel_has_all_that_commands_read():
     with zipfile.ZipFile(built[-1]) as opened:
         names = set(opened.namelist())
     assert {str(path.relative_to(ROOT / "python")) for path in read_by_commands()} <= names
-    assert {f"smpl/models/{path.name}" for path in ROOT.glob("models/*.eq")} <= names
+    assert {f"smpl/{path.relative_to(ROOT)}" for path in ROOT.glob("models/**/*.eq")} <= names
 
 
 def test_the_source_distribution_builds_without_the_checkout(archive):
