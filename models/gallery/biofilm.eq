@@ -50,7 +50,8 @@ initial x = value(steady(x))    for x in states
 observe S_1[4], S_2[4], S_3[4], O[4], S_in in 0..20
 level online "ammonia with noise, two steps late, and oxygen" { observe S_1[4] delay 2 noise normal(0, 0.1), O[4] noise normal(0, 2) }
 
-reward operation default = -sq((S_1[4] - steady(S_1[4]))/0.5 [mg/L]) - 0.1*sq((F - nominal(F))/1 [L/h]) - 1e-4*sq((F_r - nominal(F_r))/5 [L/h])    "deviation of the effluent, of the throughput, and use of the pump"
+reward operation default = -sq((S_1[4] - steady(S_1[4]))/0.5 [mg/L]) - 0.1*sq((F - nominal(F))/1 [L/h]) - 1e-4*sq((F_r - nominal(F_r))/5 [L/h])
+    "deviation of the effluent, of the throughput, and use of the pump"
 constraint effluent when S_1[4] > 4 [mg/L]
 fail state_box when outside bounds(S_1, S_2, S_3, O)
 episode { step = 1 [h], max_steps = 150, error_reward = -1000 }

@@ -71,7 +71,8 @@ let r    : kg/s       = i*k*m_M                                               "p
 let Q    : kW         = -dH/M_M*r                                             "heat of reaction"
 let area : m^2        = (m_M/rho_M + m_P/rho_P + m_W/rho_W)*per/B_1 + B_2     "wetted jacket"
 let U    : kW/(m^2 K) = 1/(1/(d_0*exp(d_1*viscosity((T + T_j)/2))) + foul)    "heat transfer"
-let K    : K          = if c < 50 [%] then 0.8*30^(-c/50 [%])*(T_in + dT_in - T_ji) else if c > 50 [%] then 0.15*30^(c/50 [%] - 2)*(T_st - T_ji) else 0    "heating and cooling"
+let K : K = if c < 50 [%] then 0.8*30^(-c/50 [%])*(T_in + dT_in - T_ji)
+            else if c > 50 [%] then 0.15*30^(c/50 [%] - 2)*(T_st - T_ji) else 0    "heating and cooling"
 
 eq d/dt m_M = feed(t) - r
 eq d/dt m_P = r

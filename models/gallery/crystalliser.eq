@@ -37,7 +37,8 @@ initial x = value(steady(x))    for x in states
 observe x_0, x_1, x_2, x_3, y
 level online "solute and number of crystals with noise" { observe y noise normal(0, 0.002), x_0 noise normal(0, 0.0005) }
 
-reward hold default = -sq((x_1 - steady(x_1))/0.005) - sq((y - steady(y))/0.02) - sq(u/0.2)    "deviations of length and solute, and use of the feed"
+reward hold default = -sq((x_1 - steady(x_1))/0.005) - sq((y - steady(y))/0.02) - sq(u/0.2)
+    "deviations of length and solute, and use of the feed"
 constraint many when x_0 > 0.07
 fail state_box when outside bounds(x_0, x_1, x_2, x_3, y)
 episode { step = 0.1 [h], max_steps = 300, error_reward = -1000 }

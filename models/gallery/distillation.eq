@@ -43,7 +43,8 @@ initial x[i] = value(steady(x[i]))    for i in trays
 observe x_D = x[0] in 0..1, x_B = x[8] in 0..1, z in 0..1
 level online "analyser of the distillate, two steps late" { observe x_D = x[0] in 0..1 delay 2 noise normal(0, 0.001) }
 
-reward purity default = -sq((x[0] - steady(x[0]))/0.01) - 0.1*sq((F - nominal(F))/50 [kmol/h])    "deviations of the distillate and of the production"
+reward purity default = -sq((x[0] - steady(x[0]))/0.01) - 0.1*sq((F - nominal(F))/50 [kmol/h])
+    "deviations of the distillate and of the production"
 constraint impure when x[0] < 0.8
 fail off_specification when x[0] < 0.5
 episode { step = 1 [h], max_steps = 200, error_reward = -1000 }

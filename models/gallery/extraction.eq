@@ -39,7 +39,8 @@ initial x = value(steady(x))    for x in states
 observe X[5], Y[1], X_0 in 0..1, e : kg/m^3 = r - X[5] in -2..2
 level online "analysis of the leaving liquid" { observe X[5] noise normal(0, 0.003), r in 0..1 }
 
-reward tracking default = -sq((r - X[5])/0.02 [kg/m^3]) - 0.01*sq((G - nominal(G))/100 [m^3/h])    "deviation from the set-point, and use of gas"
+reward tracking default = -sq((r - X[5])/0.02 [kg/m^3]) - 0.01*sq((G - nominal(G))/100 [m^3/h])
+    "deviation from the set-point, and use of gas"
 constraint lost when X[5] > 0.5 [kg/m^3]
 fail state_box when outside bounds(X, Y)
 episode { step = 0.1 [h], max_steps = 120, error_reward = -1000 }

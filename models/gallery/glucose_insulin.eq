@@ -40,7 +40,8 @@ initial x = value(steady(x))    for x in states
 observe G, X, I
 level online "a sensor under the skin: two steps late, with noise" { observe G delay 2 noise normal(0, 0.15) }
 
-reward control default = -sq((G - G_b)/1 [mmol/L]) - (if G < 4 [mmol/L] then 20*sq((4 [mmol/L] - G)/1 [mmol/L]) else 0)    "deviation of the glucose, low values weigh more"
+reward control default = -sq((G - G_b)/1 [mmol/L]) - (if G < 4 [mmol/L] then 20*sq((4 [mmol/L] - G)/1 [mmol/L]) else 0)
+    "deviation of the glucose, low values weigh more"
 constraint hypo when G < 4 [mmol/L]
 constraint hyper when G > 10 [mmol/L]
 fail coma when G < 1.5 [mmol/L]

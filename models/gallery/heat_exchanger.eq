@@ -45,7 +45,8 @@ initial x = value(steady(x))    for x in states
 observe T_t[8], T_s[1], T_hot in 0..120, T_cold in 0..120
 level online "thermometers of both outlets" { observe T_t[8] noise normal(0, 0.2), T_s[1] noise normal(0, 0.2) }
 
-reward outlet default = -sq((T_t[8] - steady(T_t[8]))/1 [K]) - sq((F_t - nominal(F_t))/5 [kg/s]) - 0.01*sq((F_s - nominal(F_s))/5 [kg/s])    "deviation of the outlet, of the throughput, and use of coolant"
+reward outlet default = -sq((T_t[8] - steady(T_t[8]))/1 [K]) - sq((F_t - nominal(F_t))/5 [kg/s]) - 0.01*sq((F_s - nominal(F_s))/5 [kg/s])
+    "deviation of the outlet, of the throughput, and use of coolant"
 constraint hot when T_s[1] > 80 [degC]
 fail state_box when outside bounds(T_t, T_m, T_s)
 episode { step = 2 [s], max_steps = 200, error_reward = -1000 }

@@ -44,7 +44,8 @@ level online "analysis of both streams that leave, a step late" {
 }
 
 let product : kmol/h = G*C[1]    "product that leaves"
-reward production default = 100 [h/kmol]*product - 10*sq((X[5] - steady(X[5]))/0.2 [kmol/m^3]) - 5 [h/m^3]*G    "product, less what its raffinate deviates and its solvent costs"
+reward production default = 100 [h/kmol]*product - 10*sq((X[5] - steady(X[5]))/0.2 [kmol/m^3]) - 5 [h/m^3]*G
+    "product, less what its raffinate deviates and its solvent costs"
 constraint lost when X[5] > 1.5 [kmol/m^3]
 fail state_box when outside bounds(X, A, B, C)
 episode { step = 10 [h], max_steps = 100, error_reward = -1000 }

@@ -31,7 +31,8 @@ state x_B[i in species] = 0.3  in 0..1    "fractions in the separator"
 
 disturbance F_O : kmol/min = 0.4 ~ 0.4 [kmol/min] + 0.9*(F_O - 0.4 [kmol/min]) + 0.01 [kmol/min]*normal(0, 1) clip bounds in 0.2..0.6    "fresh feed"
 
-let y[i in species]            = if i == A then alpha*x_B[A]/(1 + (alpha - 1)*x_B[A]) else if i == B then (1 - x_B[A])/(1 + (alpha - 1)*x_B[A]) else 0    "fractions overhead"
+let y[i in species] = if i == A then alpha*x_B[A]/(1 + (alpha - 1)*x_B[A])
+                      else if i == B then (1 - x_B[A])/(1 + (alpha - 1)*x_B[A]) else 0    "fractions overhead"
 let made[i in species] : 1/min = if i == A then -k_1*x_R[A] else if i == B then k_1*x_R[A] - k_2*x_R[B] else k_2*x_R[B]
 
 eq rho*area * d/dt H_R        = F_O + D - F_R
@@ -49,7 +50,8 @@ level online "levels, and an analysis of the bottoms a step late" {
   observe H_R noise normal(0, 0.01), H_M noise normal(0, 0.01), H_B noise normal(0, 0.01), x_B[B] delay 1 noise normal(0, 0.005)
 }
 
-reward operation default = -sq((x_B[B] - steady(x_B[B]))/0.02) - 0.1*(sq((H_R - 1.5 [m])/0.3 [m]) + sq((H_M - 1.5 [m])/0.3 [m]) + sq((H_B - 1.5 [m])/0.3 [m]))    "deviations of the product and of the levels"
+reward operation default = -sq((x_B[B] - steady(x_B[B]))/0.02) - 0.1*(sq((H_R - 1.5 [m])/0.3 [m]) + sq((H_M - 1.5 [m])/0.3 [m]) + sq((H_B - 1.5 [m])/0.3 [m]))
+    "deviations of the product and of the levels"
 constraint low when H_R < 0.5 [m] or H_M < 0.5 [m] or H_B < 0.5 [m]
 constraint high when H_R > 3 [m] or H_M > 3 [m] or H_B > 3 [m]
 fail empty_reactor event H_R <= 0.1 [m]

@@ -50,7 +50,8 @@ level online "thermometers, and the reactant that leaves every three steps" {
   observe T_1 noise normal(0, 0.1), T_2 noise normal(0, 0.1), C_2 every 3 delay 1 noise normal(0, 0.5)
 }
 
-reward conversion default = -sq((C_2 - steady(C_2))/1 [mol/m^3]) - sq((F - nominal(F))/10 [mL/s])    "deviation of the reactant that leaves, and of the production"
+reward conversion default = -sq((C_2 - steady(C_2))/1 [mol/m^3]) - sq((F - nominal(F))/10 [mL/s])
+    "deviation of the reactant that leaves, and of the production"
 constraint unreacted when C_2 > 60 [mol/m^3]
 fail state_box when outside bounds(C_1, T_1, C_2, T_2)
 episode { step = 20 [s], max_steps = 150, error_reward = -1000 }

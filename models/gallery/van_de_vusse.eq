@@ -62,7 +62,8 @@ level online "thermometers, and the product every five steps, two steps late" {
   observe T noise normal(0, 0.1), T_K noise normal(0, 0.1), c_B every 5 delay 2 noise normal(0, 0.01), r in 0..4
 }
 
-reward product default = -sq((r - c_B) / 0.1 [mol/L]) - 0.01*sq((T - steady(T)) / 1 [K])    "deviation of the product and of the temperature"
+reward product default = -sq((r - c_B) / 0.1 [mol/L]) - 0.01*sq((T - steady(T)) / 1 [K])
+    "deviation of the product and of the temperature"
 constraint hot when T > 120 [degC]
 fail state_box when outside bounds(c_A, c_B, T, T_K)
 episode { step = 0.005 [h], max_steps = 200, error_reward = -1000 }

@@ -62,7 +62,8 @@ level online "five thermometers along the tube" {
   observe T[8] noise normal(0, 0.5), T[16] noise normal(0, 0.5), T[24] noise normal(0, 0.5), T[32] noise normal(0, 0.5), T[40] noise normal(0, 0.5)
 }
 
-reward production default = made/1 [kmol/(m^2 h)] - 0.02*max(T_hot - 680 [K], 0 [K])/1 [K]    "production, less what the hot spot exceeds its limit"
+reward production default = made/1 [kmol/(m^2 h)] - 0.02*max(T_hot - 680 [K], 0 [K])/1 [K]
+    "production, less what the hot spot exceeds its limit"
 constraint hot when T_hot > 690 [K]
 fail runaway when T_hot > 850 [K]
 episode { step = 30 [s], max_steps = 120, error_reward = -1000 }
