@@ -1,0 +1,20 @@
+# Activity coefficients of binary liquids: Margules, van Laar, Wilson, NRTL.
+#
+# Source: G. M. Wilson, J. Am. Chem. Soc. 86 (1964) 127; H. Renon and J. M. Prausnitz, AIChE J. 14 (1968) 135; J. M. Smith,
+# H. C. Van Ness and M. M. Abbott, Introduction to Chemical Engineering Thermodynamics, chapters on solution thermodynamics.
+# Range: that of the parameters. Wilson cannot describe two liquid phases.
+#
+# Each function is the logarithm of the activity coefficient of the component whose mole fraction is `x`; the first parameter is
+# the one of this component with the other. For the other component exchange both: nrtl(1 - x, tau_21, tau_12, alpha).
+
+def margules(x, A_12, A_21) = sq(1 - x)*(A_12 + 2*(A_21 - A_12)*x)
+def van_laar(x, A_12, A_21) = A_12*sq(A_21*(1 - x)/(A_12*x + A_21*(1 - x)))
+
+def wilson(x, L_12, L_21) = -ln(x + L_12*(1 - x)) + (1 - x)*(L_12/(x + L_12*(1 - x)) - L_21/(1 - x + L_21*x))
+# L_12 from the molar volumes of the liquids and the energy a_12, all in units that fit R*T.
+def wilson_parameter(T, V_1, V_2, a_12) = V_2/V_1*exp(-a_12/(8.31446261815324 [J/(mol K)]*T))
+
+def nrtl_G(tau, alpha) = exp(-alpha*tau)
+def nrtl_own(x, tau_21, G_21) = tau_21*sq(G_21/(x + (1 - x)*G_21))
+def nrtl_other(x, tau_12, G_12) = tau_12*G_12/sq(1 - x + x*G_12)
+def nrtl(x, tau_12, tau_21, alpha) = sq(1 - x)*(nrtl_own(x, tau_21, nrtl_G(tau_21, alpha)) + nrtl_other(x, tau_12, nrtl_G(tau_12, alpha)))
