@@ -60,10 +60,14 @@ def test_a_table_of_what_is_finished_runs_nothing(tmp_path):
 def test_records_are_all_that_the_table_needs_and_are_not_run_again(tmp_path):
     records = tmp_path / "records"
     first = benchmark(tmp_path / "first", env="Beer", seeds=2, results=records)
-    files = sorted(path.relative_to(records).as_posix() for path in records.rglob("*.json"))
     names = sorted(SUBJECTS["Beer"].controllers)
-    assert files == [f"smoke/Beer/control/{name}/seed-{k}.json" for name in names for k in (0, 1)]
-    assert max(path.stat().st_size for path in records.rglob("*.json")) < 4000
+    assert [path.name for path in records.iterdir()] == ["smoke-control.jsonl"]
+    lines = (records / "smoke-control.jsonl").read_text().splitlines()
+    about = [json.loads(line)["configuration"] for line in lines]
+    assert [(one["env"], one["controller"], one["number"]) for one in about] == [
+        ("Beer", name, k) for name in names for k in (0, 1)
+    ]
+    assert max(map(len, lines)) < 4000
     again = benchmark(tmp_path / "second", env="Beer", seeds=2, results=records, resume=True)
     assert not list((tmp_path / "second").glob("control"))
     for before, after in zip(first["rows"], again["rows"], strict=True):
@@ -73,19 +77,21 @@ def test_records_are_all_that_the_table_needs_and_are_not_run_again(tmp_path):
         assert after == before
     assert [row["changed"] for row in again["rows"]] == [[]] * len(names)
     # One that is missing is made, and nothing else.
-    (records / "smoke/Beer/control/profile/seed-1.json").unlink()
+    missing = [i for i, one in enumerate(about) if (one["controller"], one["number"]) == ("profile", 1)]
+    (records / "smoke-control.jsonl").write_text("".join(f"{x}\n" for i, x in enumerate(lines) if i not in missing))
     benchmark(tmp_path / "third", env="Beer", seeds=2, results=records, resume=True)
     assert [path.parent.name for path in (tmp_path / "third").glob("*/*/*/*")] == ["profile"]
-    assert (records / "smoke/Beer/control/profile/seed-1.json").is_file()
+    again = (records / "smoke-control.jsonl").read_text().splitlines()
+    assert [i for i, (one, other) in enumerate(zip(lines, again, strict=True)) if one != other] == missing
 
 
 def test_a_record_of_other_settings_is_run_again_and_marked_until_then(tmp_path):
     benchmark(tmp_path / "first", env="Beer", algorithms=["profile", "nominal"], results=tmp_path)
-    for name, key, value in (("profile", "episodes", 9), ("nominal", "checksum", "another")):
-        path = tmp_path / f"smoke/Beer/control/{name}/seed-0.json"
-        content = json.loads(path.read_text())
-        content["configuration"][key] = value
-        path.write_text(json.dumps(content))
+    path = tmp_path / "smoke-control.jsonl"
+    content = {one["configuration"]["controller"]: one for one in map(json.loads, path.read_text().splitlines())}
+    content["profile"]["configuration"]["episodes"] = 9
+    content["nominal"]["configuration"]["checksum"] = "another"
+    path.write_text("".join(json.dumps(one) + "\n" for one in content.values()))
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- table -->\nold\n<!-- end of table -->\nafter\n")
     shown = ["--table", "--env", "Beer", "--results", str(tmp_path), "--page", str(page), "--quiet"]
@@ -239,14 +245,20 @@ def test_a_formulation_of_which_only_rewards_are_learned_is_marked(process, mark
     assert ("| BC*‡ |" in text and "of the formulation the rewards count" in text) == marked
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{", "[]", "{}", '{"configuration": {}, "scores": {}, "curve": [1]}',
+        '{"configuration": {"env": "Beer", "controller": "profile", "number": 0}, "scores": {}, "curve": {"a": [], '
+        '"b": [1]}}',
+    ],
+)  # fmt: skip
 def test_a_damaged_record_is_named(text, tmp_path, capsys):
-    path = tmp_path / "smoke/Beer/control/profile/seed-0.json"
-    path.parent.mkdir(parents=True)
+    path = tmp_path / "smoke-control.jsonl"
     path.write_text(text)
     given = ["--env", "Beer", "--algorithm", "profile", "--results", str(tmp_path), "--resume", "--quiet"]
     assert main([*given, "--out", str(tmp_path / "runs")]) == 1
-    assert f"error: {path}" in capsys.readouterr().err
+    assert f"error: {path}, line 1, is not a record of a run" in capsys.readouterr().err
 
 
 def test_a_page_without_a_place_for_the_table_is_told(tmp_path, capsys):
@@ -291,7 +303,7 @@ def test_a_model_of_ones_own_is_run_by_its_path(tmp_path, monkeypatch, capsys):
     assert rows["nominal"]["mean"] == pytest.approx(0, abs=1e-12) and rows["nominal"]["published"] is None
     assert rows["full"]["gain"] == pytest.approx(rows["full"]["return_mean"]) and rows["full"]["regret"] is None
     # The records say what was run, not where.
-    assert "tank.eq" not in (tmp_path / "records/smoke/Tank/control/full/seed-1.json").read_text()
+    assert "tank.eq" not in (tmp_path / "records/smoke-control.jsonl").read_text()
     monkeypatch.chdir(tmp_path)
     assert main(["--env", "tank.eq", "--out", "runs", "--resume", "--seeds", "2", "--quiet"]) == 0
     path.write_text(TANK.replace("policy full", "policy fuller"), encoding="utf-8")

@@ -1,14 +1,19 @@
-"""Results of finished runs: in the folder of the run, or as a small file that a repository keeps.
+"""Results of finished runs: in the folder of the run, or as a line of a file that a repository keeps.
 
 A record has the configuration, the versions, the scores and the learning curve of a run, some kilobytes; networks,
-checkpoints and data sets stay where they were made. `BUDGET/ENV/SUITE/NAME/seed-N.json` under one folder.
+checkpoints and data sets stay where they were made. `BUDGET-SUITE.jsonl` in one folder has a line of JSON per run,
+ordered by environment, controller and seed.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -57,40 +62,83 @@ def in_folder(run: Run, out: Path) -> Result | None:
 
 
 def recorded(run: Run, records: Path) -> Result | None:
-    """The result of a run as a record has it; none if there is no record.
+    """The result of a run as a record has it; None if there is no record.
 
     Raises:
-        ValueError: the file is none.
+        ValueError: a line of the file is not a record.
     """
-    path = place(run, records)
-    if not path.is_file():
+    found = _lines(place(run, records)).get(_key(run))
+    if found is None:
         return None
-    found = _read(path)
-    try:
-        columns = found["curve"]
-        rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
-        return Result(run, {key: found["scores"][key] for key in found["scores"]}, rows, found["configuration"])
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise ValueError(f"{path} is no record of a run: {type(error).__name__} {error}") from error
+    columns = found["curve"]
+    rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    return Result(run, dict(found["scores"]), rows, found["configuration"])
 
 
 def place(run: Run, records: Path) -> Path:
-    """The file of a run."""
-    return records / run.budget / run.env / run.suite / run.controller / f"seed-{run.number}.json"
+    """The file with the record of a run."""
+    return records / f"{run.budget}-{run.suite}.jsonl"
 
 
 def keep(result: Result, records: Path) -> None:
-    """Write the record of a run, whole or not at all; one that is there is replaced."""
-    path = place(result.run, records)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write the record of a run, whole or not at all; the run's former record is replaced."""
     content = {
         "configuration": dict(result.configuration),
         "scores": {key: _short(result.scores[key]) for key in _SCORES if key in result.scores},
         "curve": {key: [_short(row[key]) for row in result.curve] for key in _CURVE},
     }
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(_text(content), encoding="utf-8")
-    temporary.replace(path)
+    records.mkdir(parents=True, exist_ok=True)
+    with _alone(records):
+        path = place(result.run, records)
+        every = {**_lines(path), _key(result.run): content}
+        text = "".join(json.dumps(every[key], allow_nan=False) + "\n" for key in sorted(every))
+        temporary = path.with_name(f".{path.name}.tmp")
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+
+
+Key = tuple[str, str, int]
+
+
+def _key(run: Run) -> Key:
+    return run.env, run.controller, run.number
+
+
+def _lines(path: Path) -> Mapping[Key, Mapping[str, Any]]:
+    """The records of a file by environment, controller and number of the seed."""
+    if not path.is_file():
+        return {}
+    about = path.stat()
+    return _read_lines(path, about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read_lines(path: Path, time: int, size: int) -> Mapping[Key, Mapping[str, Any]]:
+    found: dict[Key, Mapping[str, Any]] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            record = json.loads(line)
+            about, lengths = record["configuration"], {len(values) for values in record["curve"].values()}
+            if len(lengths) > 1 or not isinstance(record["scores"], dict):
+                raise ValueError("columns of different lengths")
+            found[str(about["env"]), str(about["controller"]), int(about["number"])] = record
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            text = f"{type(error).__name__} {error}"
+            raise ValueError(
+                f"{path}, line {number}, is not a record of a run ({text}): remove the line, and the run is made again"
+            ) from error
+    return found
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Let one process at a time write into a folder."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -105,12 +153,3 @@ def _short(value: Any) -> Any:
     if isinstance(value, list):
         return [_short(float(f"{one:.8g}")) if isinstance(one, float) else one for one in value]
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
-
-
-def _text(content: Mapping[str, Mapping[str, Any]]) -> str:
-    """JSON with a line for each key of the second level."""
-    parts = []
-    for name, values in content.items():
-        lines = [f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in values.items()]
-        parts.append(f" {json.dumps(name)}: {{\n" + ",\n".join(lines) + "\n }")
-    return "{\n" + ",\n".join(parts) + "\n}\n"
