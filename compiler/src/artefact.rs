@@ -23,7 +23,7 @@ const MAGIC: &[u8; 8] = b"smplc\0\x01\n";
 const FORMAT: u32 = 11;
 const SEAL: usize = blake3::OUT_LEN;
 
-/// What an artefact says of itself.
+/// Header of an artefact.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Version of the layout.
@@ -34,11 +34,11 @@ pub struct Header {
     pub target: String,
     /// [`fingerprint`] of what was compiled.
     pub fingerprint: [u8; blake3::OUT_LEN],
-    /// What was asked for beside the text.
+    /// Options in addition to the text.
     pub circumstances: Circumstances,
 }
 
-/// What a compilation was asked for beside the model's text: what the compiled model is made for.
+/// Options of a compilation in addition to the model's text.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Circumstances {
     /// Name and text of the scenario.
@@ -80,7 +80,7 @@ pub enum ArtefactError {
     Key {
         /// Its file.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the system.
         source: io::Error,
     },
     /// No place for the key is known.

@@ -31,13 +31,13 @@ use crate::{differentiate, explicit_time, schedule, structure};
 #[cfg(test)]
 mod tests;
 
-/// What a text was compiled to.
+/// Result of a compilation.
 pub struct Compiled {
     /// The model.
     pub model: CompiledModel,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
-    /// What was imported, among the sources.
+    /// Imports, among the sources.
     pub imports: Vec<FileId>,
 }
 
@@ -110,14 +110,14 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
     Ok((model, warnings))
 }
 
-/// What a model without a name is called: as its file.
+/// Name of a model without a name: that of its file.
 fn named_after(file: &str) -> String {
     let stem = std::path::Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name } else { "model".to_owned() }
 }
 
-/// Which equation determines which unknown: completes the model, equations to rows.
+/// Assigns equations to unknowns: completes the model, equations to rows.
 fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
     structure::drop_unused_delays(&mut model, &mut equations);
@@ -140,19 +140,19 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     Ok((model, warnings))
 }
 
-/// What the functions of a model compute.
+/// Computations of the functions of a model.
 struct Planned {
     /// In the order of [`Function::ALL`].
     functions: Vec<(Function, Staged)>,
     /// Fills the caches once parameters are set.
     prepare_parameters: Staged,
-    /// Where the Jacobian has entries.
+    /// Pattern of the Jacobian.
     pattern: Pattern,
     /// Positions in outputs.
     tables: Vec<u32>,
-    /// Where time occurs explicitly.
+    /// Explicit time in the equations.
     time: ExplicitTime,
-    /// What the integrator watches.
+    /// Events and switches for the integrator.
     watched: Watched,
     /// There are derivatives of the equations by time.
     has_slopes: bool,

@@ -37,7 +37,7 @@ pub struct CompiledModel {
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
     derivatives: [OnceLock<Result<Derivative, BackEndError>>; 24],
-    /// What sensitivities need.
+    /// Data for sensitivities.
     later: tangent::Later,
     /// Holds the code that `functions` point to.
     executable: Executable,
@@ -131,7 +131,7 @@ impl CompiledModel {
         &self.parts.model.roots
     }
 
-    /// What the integrator watches: the conditions of events, then the switches of the equations.
+    /// Monitored root functions: the conditions of events, then the switches of the equations.
     #[must_use]
     pub fn watched(&self) -> &[WatchKind] {
         &self.parts.watched.kinds
@@ -202,13 +202,13 @@ impl CompiledModel {
         self.parts.timed
     }
 
-    /// What compiling took and gave.
+    /// Times and sizes of a compilation.
     #[must_use]
     pub fn statistics(&self) -> &CompileStatistics {
         &self.parts.statistics
     }
 
-    /// Where everything lies.
+    /// Places of all parts.
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout

@@ -63,7 +63,7 @@ pub struct Column {
     pub factor: Option<ExprId>,
 }
 
-/// Which loads are differentiated for.
+/// Loads of the derivatives.
 pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
 
 /// The matrix of derivatives of normalised rows.
@@ -118,7 +118,7 @@ fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
     false
 }
 
-/// How often each node is an operand below rows, or a row.
+/// Number of uses of each node as an operand below rows, or as a row.
 fn uses(exprs: &Exprs, rows: &[Rows]) -> Vec<u32> {
     let mut uses = vec![0; exprs.len()];
     let mut stack: Vec<ExprId> = rows.iter().map(|row| row.value).collect();

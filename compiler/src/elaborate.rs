@@ -105,7 +105,7 @@ pub fn elaborate(
 
 /// One pass over the files, under one selection.
 struct Pass {
-    /// What came of it.
+    /// Result.
     result: Result<Elaborated, Faults>,
     /// Option of each choice.
     chosen: HashMap<String, String>,
@@ -170,7 +170,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     (Ok(Elaborated { model, equations, runs, warnings }), spent)
 }
 
-/// What follows the declarations, in this order.
+/// Steps after the declarations, in this order.
 fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     quantities::declare_defaults(l);
     space::backwards::check_grids(l);

@@ -1,4 +1,5 @@
-//! Where time occurs explicitly in the equations: what the integrator has to know beforehand, since no error test sees it.
+//! Explicit time in the equations, which the integrator has to know in advance, since no error test
+//! sees it.
 //!
 //! * *Breaks*: times at which an equation changes its form, a knot of a table over time, `t > a`, `floor(t/a)`. Every expression of time
 //!   and a step's inputs alone that is linear between breaks has its slope worked out here, so that the next break is one division away:
@@ -22,7 +23,7 @@ type Extents = [u32; MAX_DEPTH];
 /// An expression over loops, by counter and number of iterations, outermost first.
 pub(crate) type Looped = (Vec<(u8, u32)>, ExprId);
 
-/// What the integrator asks for.
+/// Queries of the integrator.
 pub(crate) struct ExplicitTime {
     /// The next break from the present time on, infinite if none. `None` where there are no breaks at all.
     pub next_break: Option<ExprId>,
@@ -70,7 +71,7 @@ pub(crate) fn collect(model: &mut Model, rows: &[Rows]) -> ExplicitTime {
     ExplicitTime { in_equations, ..collector.finish() }
 }
 
-/// What moves an expression within a step.
+/// Variables that move an expression within a step.
 #[derive(Clone, Copy, Default)]
 struct Moves {
     time: bool,
@@ -226,7 +227,7 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// Where a pure expression itself changes its form.
+    /// Points at which a pure expression itself changes its form.
     fn find_break(&mut self, e: ExprId, around: Extents) {
         let (value, slope) = match self.model.exprs.node(e) {
             Expr::Compare(Compare::Lt | Compare::Le, a, b) | Expr::Binary(BinaryFn::Min | BinaryFn::Max, a, b) => {
@@ -254,7 +255,8 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// What is left to the next jump of `floor(a)` and the like: negative on the way up, positive on the way down.
+    /// Distance to the next jump of `floor(a)` and the like: negative for rising, positive for
+    /// falling values.
     fn left_to_whole(&mut self, f: UnaryFn, a: ExprId, slope: ExprId) -> ExprId {
         let exprs = self.exprs();
         let (zero, half, one) = (exprs.constant(0.0), exprs.constant(0.5), exprs.constant(1.0));
@@ -271,7 +273,7 @@ impl<'a> Collector<'a> {
         exprs.sub(a, target)
     }
 
-    /// What is left to the next limit: negative on the way up, positive on the way down.
+    /// Distance to the next limit: negative for rising, positive for falling values.
     fn left_to_limit(&mut self, limits: List, a: ExprId, slope: ExprId) -> ExprId {
         let exprs = self.exprs();
         let (zero, below, up_to) = (exprs.constant(0.0), exprs.passed(limits, Side::Below, a), exprs.passed(limits, Side::UpTo, a));

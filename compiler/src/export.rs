@@ -28,7 +28,7 @@ pub use error::ExportError;
 pub use fmu::{Package, Settings};
 pub use origin::Origin;
 
-/// What a model is exported to.
+/// Target of an export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A Python module that builds CasADi functions.
@@ -102,7 +102,7 @@ pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>,
     Ok(target.endings().iter().zip(texts).map(|(ending, text)| File { ending, text }).collect())
 }
 
-/// What an FMU of a model holds, but for its binary.
+/// Content of an FMU of a model without its binary.
 ///
 /// # Errors
 /// See [`ExportError`].

@@ -100,7 +100,7 @@ impl Function {
         }
     }
 
-    /// What it may touch, where the lengths of some outputs are given.
+    /// Memory that it may access, with the given lengths of some outputs.
     pub(crate) fn access(self, model: &Model, Lengths { nonzeros, forcings, watched }: Lengths) -> Access {
         let (y, yp, out) = match self {
             Function::PrepareStep | Function::Disturb => (false, false, 0),
@@ -131,7 +131,8 @@ pub(crate) struct Lengths {
     pub watched: usize,
 }
 
-/// What the functions compute, but for the one that fills caches, in the order of [`Function::ALL`].
+/// Computations of the functions, except the one that fills caches, in the order of
+/// [`Function::ALL`].
 pub(crate) fn staged(
     model: &Model,
     rows: &[Rows],

@@ -9,7 +9,7 @@ use crate::schedule::{Access, BlockId, Item, Schedule, ScheduleError, Staged, sc
 
 pub mod tangent;
 
-/// What a tape reads and writes.
+/// Memory of a tape.
 #[derive(Debug)]
 pub struct View<'a> {
     /// Time.
@@ -198,7 +198,7 @@ impl Machine<'_, '_> {
     }
 }
 
-/// What runs the steps of a tape: with numbers, or with numbers that carry derivatives.
+/// Execution of a tape: with numbers, or with numbers that carry derivatives.
 trait Run {
     /// A number.
     type Number: Copy;

@@ -1,4 +1,4 @@
-//! Where every variable lives: one workspace an instance, the unknowns outside of it.
+//! Memory of every variable: one workspace per instance, the unknowns outside of it.
 //!
 //! The workspace is one buffer of numbers. Regions hold the variables of one role each, in the order of their ids; the frames
 //! `Initial`, `Previous` and `Steady` are copies of four regions (`y`, actions, discrete variables, disturbances) at other
@@ -95,7 +95,7 @@ impl Region {
     }
 }
 
-/// What an address counts from.
+/// Base of an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Base {
     /// The unknowns.
@@ -236,7 +236,7 @@ impl Layout {
         self.columns
     }
 
-    /// Where a region lies in the workspace.
+    /// Place of a region in the workspace.
     #[must_use]
     pub fn range(&self, region: Region) -> Range<usize> {
         let (start, len) = self.regions[region.index()];

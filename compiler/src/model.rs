@@ -45,7 +45,7 @@ pub struct Model {
     pub quadrature_units: Vec<String>,
     /// Delayed expressions, in the order of the elements of the variable of role `Delayed`.
     pub delays: Vec<Delay>,
-    /// What runs at the instants of an episode.
+    /// Updates at the instants of an episode.
     pub programs: Programs,
     /// Names, units, bounds, settings: all that is seen from outside.
     pub interface: Interface,
@@ -117,11 +117,11 @@ mod vars_as_list {
 pub struct Variable {
     /// Name with the path of its instance (`R1.c`), without indices.
     pub name: String,
-    /// What it is.
+    /// Kind.
     pub role: Role,
     /// Number of elements.
     pub len: u32,
-    /// Where it was declared.
+    /// Place of the declaration.
     pub span: Span,
 }
 
@@ -149,7 +149,7 @@ pub struct Root {
     pub value: ExprId,
     /// The condition does not hold at the threshold itself (`<`, `>`).
     pub strict: bool,
-    /// What happens.
+    /// Update.
     pub action: RootAction,
 }
 
@@ -181,7 +181,7 @@ pub enum Lag {
     Varying,
 }
 
-/// What an event does.
+/// Effect of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RootAction {
     /// Ends the episode with the failure of that index in [`Finish::failures`].

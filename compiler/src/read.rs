@@ -20,7 +20,7 @@ pub struct Read {
     pub files: Vec<File>,
     /// Number of the file that each `use "path"` means.
     pub imports: HashMap<String, usize>,
-    /// Where each file stands among the sources.
+    /// Place of each file among the sources.
     pub ids: Vec<FileId>,
     /// Files of data among the sources, by the paths of `table ... from "path"`.
     pub data: Data,

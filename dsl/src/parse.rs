@@ -83,7 +83,8 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     Parsed { file: File { statements }, diagnostics }
 }
 
-/// The unit that a text such as `kJ/(kg K)` is, whose first byte is at `offset` of a file; `None` where it is not a unit.
+/// The unit that a text such as `kJ/(kg K)` is, whose first byte is at `offset` of a file; `None`
+/// where it is not a unit.
 #[must_use]
 pub fn parse_unit(text: &str, file: FileId, offset: usize) -> Option<UnitExpr> {
     let bracketed = format!("[{text}]");

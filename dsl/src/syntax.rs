@@ -330,7 +330,8 @@ pub struct TimeTable {
 pub enum TablePoints {
     /// `{ 0: 0, 50: 0.2 }`: argument and value.
     Entries(Vec<(Expr, Expr)>),
-    /// `{ columns: 1, 2 \n 0: 0, 10 }`: values of the second argument, then for each of the first one the values of the table.
+    /// `{ columns: 1, 2 \n 0: 0, 10 }`: values of the second argument, then for each of the first
+    /// one the values of the table.
     Grid {
         /// Values of the second argument.
         columns: Vec<Expr>,

@@ -337,8 +337,8 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             max_steps=limit,
         )
 
-    # Copies and pickles go on where the original is. A copy shares the model; a pickle names it, and the snapshot in it
-    # tells whether what is found under that name is the same.
+    # Copies and pickles go on where the original is. A copy shares the model; a pickle names it,
+    # and the snapshot in it tells whether what is found under that name is the same.
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_native": self.snapshot()}

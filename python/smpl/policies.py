@@ -124,7 +124,8 @@ class _Shown:
         check_spaces(self._policy, env.observation_space, env.action_space, env.unwrapped)
 
     def reset(self, env: Any, seed: int | None) -> None:
-        # A policy that draws does so with the generators of its library; in a batch there are none that draw.
+        # A policy that draws does so with the generators of its library; in a batch there are none
+        # that draw.
         torch = sys.modules.get("torch")
         if torch is not None and isinstance(env, gymnasium.Env):
             base: Any = env.unwrapped

@@ -265,7 +265,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Arrays of the compiled module as Gymnasium's vector info; each key has a row of the masks for its own."""
         time, success, failures, constraints, cost, rewards, state, phases, successes = info
         rows = iter(masks)
-        # Rows of a fresh matrix, and so are the masks: an array for each, and one allocation for all.
+        # Rows of a fresh matrix, and so are the masks: an array for each, and one allocation for
+        # all.
         violations = dict(zip(self.constraint_names, constraints, strict=True))
         violations.update(zip(self._masked_constraints, rows, strict=False))
         all_rewards = dict(zip(self.reward_names, rewards, strict=True))

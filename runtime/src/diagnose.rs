@@ -25,7 +25,8 @@ const WRONG: f64 = 1e-3;
 /// Part of its range within which a value is at a bound.
 const AT_BOUND: f64 = 1e-6;
 
-/// Findings about a model at its nominal start and along its nominal episode. Values are in declared units.
+/// Findings about a model at its nominal start and along its nominal episode. Values are in
+/// declared units.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Diagnosis {
     /// Number of states.
@@ -46,7 +47,8 @@ pub struct Diagnosis {
     pub parallel: Vec<(String, String)>,
     /// Variables at a bound at the start.
     pub at_bounds: Vec<String>,
-    /// Eigenvalue with the smallest and with the largest size at the start: real and imaginary part.
+    /// Eigenvalue with the smallest and with the largest size at the start: real and imaginary
+    /// part.
     pub slowest: Option<(f64, f64)>,
     /// See [`slowest`](Self::slowest).
     pub fastest: Option<(f64, f64)>,
@@ -210,7 +212,8 @@ fn full_jacobian(system: &mut impl System, t: f64, y: &[f64]) -> DMatrix<f64> {
     out
 }
 
-/// Condition number with rows scaled to their largest entries; `None` without rows or where an entry is not finite.
+/// Condition number with rows scaled to their largest entries; `None` without rows or where an
+/// entry is not finite.
 fn condition(mut block: DMatrix<f64>) -> Option<f64> {
     if block.nrows() == 0 || block.iter().any(|x| !x.is_finite()) {
         return None;
@@ -242,7 +245,8 @@ fn parallel(block: &DMatrix<f64>) -> Vec<(usize, usize)> {
     out
 }
 
-/// Entries that central differences of the residual do not confirm: row, column, exact value, difference.
+/// Entries that central differences of the residual do not confirm: row, column, exact value,
+/// difference.
 fn wrong_entries(
     system: &mut impl System,
     (t, y): (f64, &[f64]),

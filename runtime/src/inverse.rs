@@ -1,4 +1,5 @@
-//! Solutions with matrices that are stored in full but are mostly zero, as those of linearised processes.
+//! Solutions with matrices that are stored in full but are mostly zero, as those of linearised
+//! processes.
 
 use nalgebra::DMatrix;
 

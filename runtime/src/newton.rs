@@ -1,5 +1,5 @@
-//! Newton's method for square systems, damped by the natural monotonicity test (Deuflhard, *Newton Methods for Nonlinear Problems*, 2004,
-//! section 3.3).
+//! Newton's method for square systems, damped by the natural monotonicity test (Deuflhard, *Newton
+//! Methods for Nonlinear Problems*, 2004, section 3.3).
 
 use crate::solver::Bounds;
 

@@ -23,7 +23,8 @@ pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Number of threads for so many independent tasks: at most one each, and no more than four a processor or [`MOST`].
+/// Number of threads for so many independent tasks: at most one each, and no more than four a
+/// processor or [`MOST`].
 pub fn useful(threads: usize, tasks: usize) -> usize {
     threads.min(tasks).min(MOST.max(4 * processors())).max(1)
 }
@@ -69,7 +70,8 @@ impl Pool {
 impl Drop for Pool {
     fn drop(&mut self) {
         if self.is_mine() {
-            // SAFETY: dropped once, here. What a child of a fork has of it waits for threads that are not there, and is left.
+            // SAFETY: dropped once, here. What a child of a fork has of it waits for threads that
+            // are not there, and is left.
             unsafe { ManuallyDrop::drop(&mut self.threads) };
         }
     }

@@ -1,6 +1,8 @@
-//! Rules of disturbances at points: states, actions and present values in, the values of the next step and measurements out.
+//! Rules of disturbances at points: states, actions and present values in, the values of the next
+//! step and measurements out.
 //!
-//! Estimators read here how a declared disturbance goes on, and by how much its random numbers move it.
+//! Estimators read here how a declared disturbance goes on, and by how much its random numbers move
+//! it.
 
 use std::sync::Arc;
 
@@ -86,7 +88,8 @@ impl Rules {
         self.environment.observation_len()
     }
 
-    /// Writes the values of the disturbances for the coming step, and the measurements at the points without noise, sampling, delay or clipping.
+    /// Writes the values of the disturbances for the coming step, and the measurements at the
+    /// points without noise, sampling, delay or clipping.
     ///
     /// # Errors
     /// Arrays of a wrong length, a point at which no episode begins, or an interruption.

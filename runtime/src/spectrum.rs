@@ -1,15 +1,18 @@
 //! Eigenvalues of linearised processes.
 //!
-//! The matrices of flowsheets are sparse, badly scaled and mostly cascades: what happens downstream does not act upstream. Four measures
-//! make the QR iteration safe and quick for them:
+//! The matrices of flowsheets are sparse, badly scaled and mostly cascades: what happens downstream
+//! does not act upstream. Four measures make the QR iteration safe and quick for them:
 //!
-//! * the strongly connected parts of the pattern (Tarjan, SIAM J. Comput. 1 (1972) 146-160) are the diagonal blocks of a block triangular
-//!   form, whose eigenvalues are those of the matrix; a reactor of 1700 cells in a row falls apart into blocks of a few species;
-//! * each block is scaled so that states that act on each other do so about equally: a bed in which convection outweighs dispersion is
-//!   similar to a symmetric matrix by factors that grow from cell to cell, without which rounding moves its eigenvalues by percents;
+//! * the strongly connected parts of the pattern (Tarjan, SIAM J. Comput. 1 (1972) 146-160) are the
+//!   diagonal blocks of a block triangular form, whose eigenvalues are those of the matrix; a
+//!   reactor of 1700 cells in a row falls apart into blocks of a few species;
+//! * each block is scaled so that states that act on each other do so about equally: a bed in which
+//!   convection outweighs dispersion is similar to a symmetric matrix by factors that grow from
+//!   cell to cell, without which rounding moves its eigenvalues by percents;
 //! * each block is balanced by powers of two (Parlett and Reinsch, Numer. Math. 13 (1969) 293-304);
-//! * of a block with more than [`DENSE`] states only the eigenvalues nearest to zero, which decide on stability, are found, by Arnoldi's
-//!   method on the inverse (Saad, Numerical Methods for Large Eigenvalue Problems, chapter 6); [`Spectrum::omitted`] counts the others.
+//! * of a block with more than [`DENSE`] states only the eigenvalues nearest to zero, which decide
+//!   on stability, are found, by Arnoldi's method on the inverse (Saad, Numerical Methods for Large
+//!   Eigenvalue Problems, chapter 6); [`Spectrum::omitted`] counts the others.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 use smpl_compiler::graph::connected;
@@ -28,7 +31,8 @@ const FOUND: f64 = 1e-8;
 pub struct Spectrum {
     /// The eigenvalues, those with the largest real part first.
     pub values: Vec<Complex<f64>>,
-    /// Number of eigenvalues that were not computed: of blocks with more than [`DENSE`] states, all but those nearest to zero.
+    /// Number of eigenvalues that were not computed: of blocks with more than [`DENSE`] states, all
+    /// but those nearest to zero.
     pub omitted: usize,
 }
 
@@ -57,8 +61,9 @@ fn all(block: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     if n == 1 {
         return Some(vec![Complex::new(block[(0, 0)], 0.0)]);
     }
-    // An entry below the diagonal counts as zero when it is small beside its neighbours on the diagonal. Where these are small themselves (a
-    // block with nearly nilpotent parts) it never is; shifted by the norm it is, at the accuracy that the iteration has anyway.
+    // An entry below the diagonal counts as zero when it is small beside its neighbours on the
+    // diagonal. Where these are small themselves (a block with nearly nilpotent parts) it never is;
+    // shifted by the norm it is, at the accuracy that the iteration has anyway.
     let shift = block.norm();
     let most = 100 * n;
     let (schur, shift) = match Schur::try_new(block.clone(), f64::EPSILON, most) {
@@ -68,8 +73,8 @@ fn all(block: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect())
 }
 
-/// The eigenvalues of a large block that are nearest to zero: Arnoldi's method on the inverse of the block, shifted a little so that
-/// a singular block has one.
+/// The eigenvalues of a large block that are nearest to zero: Arnoldi's method on the inverse of
+/// the block, shifted a little so that a singular block has one.
 fn nearest_zero(block: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = block.nrows();
     let shift = 1e-9 * block.norm() / (n as f64).sqrt();
@@ -106,7 +111,8 @@ fn nearest_zero(block: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(found.map(|value| value.inv() + shift).collect())
 }
 
-/// Residual of an eigenvalue of the Krylov space: the last component of its eigenvector times what leads out of the space.
+/// Residual of an eigenvalue of the Krylov space: the last component of its eigenvector times what
+/// leads out of the space.
 fn residual(small: &DMatrix<f64>, value: Complex<f64>, beyond: f64) -> f64 {
     let n = small.nrows();
     // One step of inverse iteration beside the eigenvalue gives the eigenvector.
@@ -115,9 +121,10 @@ fn residual(small: &DMatrix<f64>, value: Complex<f64>, beyond: f64) -> f64 {
     vector.map_or(0.0, |vector| beyond * vector[n - 1].norm() / vector.norm())
 }
 
-/// Scales by powers of two so that entries on either side of the diagonal are as equal as can be: the logarithms x of the factors
-/// minimise the sum of (x_i - x_j - log2|a_ij / a_ji|/2)^2 over the pairs of states that act on each other. The eigenvalues stay. A matrix that
-/// would grow by it stays as it is.
+/// Scales by powers of two so that entries on either side of the diagonal are as equal as can be:
+/// the logarithms x of the factors minimise the sum of (x_i - x_j - log2|a_ij / a_ji|/2)^2 over the
+/// pairs of states that act on each other. The eigenvalues stay. A matrix that would grow by it
+/// stays as it is.
 fn symmetrise(a: &mut DMatrix<f64>) {
     let n = a.nrows();
     // The normal equations; the small multiple of one chooses among factors that are common to all.
@@ -145,7 +152,8 @@ fn symmetrise(a: &mut DMatrix<f64>) {
     }
 }
 
-/// Scales rows and columns by powers of two until they have about the same norms; the eigenvalues stay.
+/// Scales rows and columns by powers of two until they have about the same norms; the eigenvalues
+/// stay.
 fn balance(a: &mut DMatrix<f64>) {
     const ROUNDS: usize = 100;
     for _ in 0..ROUNDS {
@@ -198,7 +206,8 @@ mod tests {
 
     #[test]
     fn a_cascade_has_the_eigenvalues_of_its_parts() {
-        // Companion matrix of (x + 1)(x + 2)(x + 3), feeding a rotation with eigenvalues -1 +- 2i, feeding two integrators.
+        // Companion matrix of (x + 1)(x + 2)(x + 3), feeding a rotation with eigenvalues -1 +- 2i,
+        // feeding two integrators.
         let rows: [[f64; 7]; 7] = [
             [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
@@ -226,15 +235,17 @@ mod tests {
 
     #[test]
     fn a_long_cascade_of_equal_cells_does_not_smear_its_multiple_eigenvalue() {
-        // A Jordan block of 60: the QR iteration alone scatters its eigenvalues by 60 sqrt-th roots of rounding, 0.5.
+        // A Jordan block of 60: the QR iteration alone scatters its eigenvalues by 60 sqrt-th roots
+        // of rounding, 0.5.
         let a = DMatrix::from_fn(60, 60, |i, j| if i == j { -1.0 } else { f64::from(u8::from(i == j + 1)) });
         assert!(eigenvalues(&a).expect("converges").values.iter().all(|v| v.re == -1.0 && v.im == 0.0));
     }
 
     #[test]
     fn convection_that_outweighs_dispersion_leaves_the_eigenvalues_real() {
-        // A row of cells: b from the one before, c from the one after. Eigenvalues a + 2 sqrt(b c) cos(k pi/(n + 1)); the eigenvectors
-        // grow as (b/c)^(i/2), so that of the matrix as it stands rounding makes a cloud of complex numbers.
+        // A row of cells: b from the one before, c from the one after. Eigenvalues a + 2 sqrt(b c)
+        // cos(k pi/(n + 1)); the eigenvectors grow as (b/c)^(i/2), so that of the matrix as it
+        // stands rounding makes a cloud of complex numbers.
         for n in [300, DENSE + 100] {
             let (a, b, c) = (-2.2, 1.6, 0.6_f64);
             let matrix = DMatrix::from_fn(n, n, |i, j| match (i as i64) - (j as i64) {

@@ -1,4 +1,5 @@
-//! Tables: the trajectory that a simulation writes, and the actions, initial states and disturbances that it reads.
+//! Tables: the trajectory that a simulation writes, and the actions, initial states and
+//! disturbances that it reads.
 
 mod format;
 mod parquet;
@@ -70,8 +71,8 @@ impl Table {
         Self { columns, cells: Vec::new(), texts: Vec::new() }
     }
 
-    /// Tables of runs one after another, with a first column that has the label of the run. Columns are those of the first table; a table that lacks
-    /// one has empty cells there.
+    /// Tables of runs one after another, with a first column that has the label of the run. Columns
+    /// are those of the first table; a table that lacks one has empty cells there.
     #[must_use]
     pub fn together(column: &str, tables: &[(&str, &Table)]) -> Self {
         let columns: Vec<(String, Kind)> = tables.first().map_or_else(Vec::new, |(_, table)| table.columns.clone());

@@ -1,4 +1,5 @@
-//! What passes make of small models, as `tests/passes/*.md` say; `BLESS=1` writes the blocks anew, to be read before they are kept.
+//! Results of passes for small models, as in `tests/passes/*.md`; `BLESS=1` rewrites the blocks, to
+//! be read before they are kept.
 //!
 //! An `eq` block is a model, each block after it what the pass of its name makes of that model.
 

@@ -5,7 +5,7 @@ use crate::functions::{Function, finish_len, start_conditions, steady_len};
 use crate::interpret::{Tape, View};
 use crate::layout::Memory;
 
-/// What a call reads and writes, checked.
+/// Checked memory of a call.
 struct Call<'a> {
     t: f64,
     factor: f64,
@@ -201,8 +201,8 @@ impl CompiledModel {
         self.interpret(&self.tapes.initial_discretes, m, 0.0, y, &[], &mut []);
     }
 
-    /// What the steady problem fixes: one number an action element, then one a state of [`crate::model::Steady::fixed`], then by how much each condition
-    /// is missed at `y`.
+    /// Fixed values of the steady problem: one number an action element, then one a state of
+    /// [`crate::model::Steady::fixed`], then by how much each condition is missed at `y`.
     pub fn steady(&self, m: &mut Memory, y: &mut [f64], out: &mut [f64]) {
         self.check(m, y, y);
         let expected = self.actions_len() + steady_len(self.model());

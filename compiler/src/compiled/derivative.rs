@@ -8,7 +8,7 @@ use crate::ir::{Affine, Flavour, Place, Program, Role, VarId};
 use crate::layout::Memory;
 use crate::schedule::{Access, Staged};
 
-/// What is differentiated.
+/// Differentiated function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Derived {
     /// The residual; rows in the order of `y`.
@@ -23,7 +23,7 @@ pub enum Derived {
     Delayed,
 }
 
-/// What it is differentiated with respect to; columns are positions in the region of that role.
+/// Role of the variables of the derivatives; columns are positions in the region of that role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WithRespectTo {
     /// `y`

@@ -40,7 +40,7 @@ impl Terms {
     }
 }
 
-/// What differentiates: the nodes, and the derivatives that are known.
+/// Differentiation: the nodes, and the known derivatives.
 pub(super) struct Differentiator<'a, 'c> {
     pub(super) exprs: &'a mut Exprs,
     pub(super) column_of: &'a ColumnOf<'c>,

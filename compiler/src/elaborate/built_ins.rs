@@ -43,7 +43,7 @@ pub fn is_built_in(name: &str) -> bool {
     built_in(name).is_some() || builtins::find(name).is_some()
 }
 
-/// What to say with a fault where a name that is declared stands like a built-in one.
+/// Note of a fault if a declared name is used like a built-in one.
 pub(in crate::elaborate) fn note(diagnostic: Diagnostic, name: &str) -> Diagnostic {
     match built_in(name) {
         Some((_, meaning, _)) => diagnostic.note(format!("the declaration takes the place of the built-in name for {meaning}")),

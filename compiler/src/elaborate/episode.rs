@@ -40,13 +40,13 @@ use crate::model::{Alternatives, Interface, Programs, Quantities, Root};
 /// The control problem of a model.
 #[derive(Default)]
 pub(in crate::elaborate) struct Control {
-    /// What runs at the instants of an episode.
+    /// Updates at the instants of an episode.
     pub programs: Programs,
     /// Root functions of events.
     pub roots: Vec<Root>,
     /// The states.
     pub unknowns: Vec<VarId>,
-    /// What is seen of it from outside.
+    /// Public data.
     pub interface: Interface,
 }
 

@@ -20,13 +20,13 @@ use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
 pub struct Equation {
     /// Extents of its loops.
     pub extents: Vec<u32>,
-    /// Which of its loops count numbers, by bit: they may be unrolled.
+    /// Loops over numbers, by bit, which may be unrolled.
     pub runs: u8,
     /// The element of an algebraic variable that another equation defines as well.
     pub repeats: Option<(VarId, i64)>,
-    /// What it says.
+    /// Content.
     pub form: EquationForm,
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
 }
 

@@ -12,7 +12,7 @@ use crate::model::{Delay, Draw, Instant, Programs, Variable};
 pub(in crate::elaborate) struct Hidden {
     /// Elements by [`crate::ir::Builtin`].
     pub builtins: VarId,
-    /// Which parameters were given.
+    /// Given parameters.
     pub param_given: VarId,
     /// Random numbers.
     pub draws: Draws,

@@ -47,14 +47,14 @@ use crate::model::{Quantity, Variable};
 use loops::Loops;
 use outcome::EpisodeNames;
 
-/// What lowering writes to, a part for each thing that it keeps.
+/// Output of lowering, one part per concern.
 #[derive(Debug)]
 pub(in crate::elaborate) struct Work {
-    /// What was said, what was used up, and what may be taken back.
+    /// Reports, used work, and data that may be undone.
     pub ledger: Ledger,
     /// The nodes.
     pub exprs: Exprs,
-    /// What is known of parameters.
+    /// Known values of parameters.
     pub constants: Constants,
     /// Definitions that are expanded where they are used.
     pub expansions: Expansions,
@@ -66,9 +66,9 @@ pub(in crate::elaborate) struct Work {
     pub fluxes: Fluxes,
     /// Ends of domains.
     pub grids: Grids,
-    /// What is seen of each declared variable from outside, once it is known.
+    /// Public data of each declared variable, once it is known.
     pub quantities: FastMap<VarId, Quantity>,
-    /// What the names of the episode stand for.
+    /// Meaning of the names of the episode.
     pub names: EpisodeNames,
 }
 
@@ -90,12 +90,12 @@ impl Work {
     }
 }
 
-/// What functions that lower read and write: they take it first. Its methods are the recursion itself: values of expressions, of names
-/// and of reductions.
+/// Data of lowering functions, their first argument. Its methods are the recursion itself: values
+/// of expressions, of names and of reductions.
 pub(in crate::elaborate) struct Lowering<'m, 'a> {
-    /// What is elaborated.
+    /// Statements to elaborate.
     pub input: &'m Input<'a>,
-    /// What names stand for.
+    /// Meaning of names.
     pub symbols: &'m Symbols<'a>,
     /// Components and their instances.
     pub instances: &'m Instances<'a>,
@@ -152,7 +152,7 @@ impl<'m, 'a> Lowering<'m, 'a> {
             .collect()
     }
 
-    /// What looking up needs.
+    /// Data of a lookup.
     pub(in crate::elaborate) fn naming(&mut self) -> Naming<'_, 'a> {
         Naming { symbols: self.symbols, ledger: self.ledger }
     }

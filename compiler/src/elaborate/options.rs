@@ -1,4 +1,4 @@
-//! What a compilation is asked for beside the text.
+//! Options of a compilation in addition to the text.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use smpl_dsl::syntax;
 
 use super::notes::Observer;
 
-/// What a compilation is asked for beside the text.
+/// Options of a compilation in addition to the text.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Variants that are on and options of choices: name and option (`true` for a variant).

@@ -12,15 +12,15 @@ use crate::elaborate::options::Options;
 use crate::read::Data;
 use items::Selection;
 
-/// What is elaborated.
+/// Statements to elaborate.
 pub(in crate::elaborate) struct Input<'a> {
     /// The main file, and what it imports.
     pub files: &'a [syntax::File],
-    /// Which file a `use "path"` means.
+    /// File of a `use "path"`.
     pub imports: &'a HashMap<String, usize>,
     /// Files of data by their paths.
     pub data: &'a Data,
-    /// What is asked for beside the text.
+    /// Options in addition to the text.
     pub options: &'a Options,
     /// Variants and choices in force.
     pub selection: Selection,

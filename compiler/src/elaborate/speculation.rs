@@ -28,7 +28,7 @@ pub(in crate::elaborate) struct Speculation {
     pub reads: Reads,
 }
 
-/// What an attempt may change.
+/// Data that an attempt may change.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::elaborate) struct Trace {
     reports: Mark,
@@ -56,7 +56,7 @@ impl Speculation {
         self.refused = true;
     }
 
-    /// What there is before something that may have to be forgotten.
+    /// State before an attempt that may be undone.
     pub(in crate::elaborate) fn trace(&self, reports: &Reports, budget: &Budget) -> Trace {
         Trace {
             reports: reports.mark(),

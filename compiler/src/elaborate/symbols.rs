@@ -37,7 +37,7 @@ entity_impl!(DomainId, "domain");
 pub(super) struct Scope {
     /// Path with a trailing dot, empty for the file: `R1.inlet.`
     pub prefix: String,
-    /// Where names are looked up next.
+    /// Enclosing scope.
     pub parent: Option<ScopeId>,
     /// The names declared here.
     pub names: FastMap<String, SymbolId>,
@@ -48,15 +48,15 @@ pub(super) struct Scope {
 pub(super) struct Symbol<'a> {
     /// Name with its path.
     pub path: String,
-    /// Where it is declared.
+    /// Place of the declaration.
     pub scope: ScopeId,
     /// Place of the declaration.
     pub span: Span,
-    /// What it is.
+    /// Kind.
     pub kind: SymbolKind<'a>,
 }
 
-/// What a symbol is.
+/// Kind of a symbol.
 #[derive(Clone, Debug)]
 pub(super) enum SymbolKind<'a> {
     /// State, algebraic variable, parameter, action, discrete variable or disturbance.
@@ -93,7 +93,7 @@ pub(super) enum SymbolKind<'a> {
     Faulty,
 }
 
-/// How a table is read outside of its points.
+/// Reading of a table outside its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Outside {
     /// As at the nearest point.
@@ -190,7 +190,7 @@ impl Set {
     }
 }
 
-/// How field values reach the faces.
+/// Scheme of face values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scheme {
     /// The cell on the low side.

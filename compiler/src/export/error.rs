@@ -8,9 +8,9 @@ pub enum ExportError {
     /// There is no such target.
     #[error("unknown target `{name}`; known: {known}")]
     UnknownTarget {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// What there is.
+        /// Available names.
         known: String,
     },
     /// A function of the model reads or writes what no vector of the target holds.

@@ -6,14 +6,14 @@ use super::expr::{Expr, ExprId, Exprs, Flavour};
 use super::function::BinaryFn;
 use super::var::{Builtin, Role, VarId};
 
-/// What has no value at another instant.
+/// Quantities without a value at another instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unframed {
     /// A derivative, an integral over the step, or a delayed value.
     OverTime,
-    /// What is read at another instant itself.
+    /// Quantities that are read at another instant themselves.
     Frame,
-    /// How the step ended.
+    /// End of the step.
     Outcome,
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct VarId(u32);
 entity_impl!(VarId, "v");
 
-/// What holds a variable's values, and when they change.
+/// Storage of a variable's values, and the time of their changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Role {
     /// Differential unknown.
@@ -29,7 +29,7 @@ pub enum Role {
     Quadrature,
     /// Earlier values of expressions, filled in by the runtime: [`DELAY_SLOTS`] numbers for each element, see [`DelaySlot`].
     Delayed,
-    /// What the runtime tells a program: see [`Builtin`].
+    /// Values from the runtime: see [`Builtin`].
     Builtin,
     /// 1 where the parameter was given from outside and must not be computed or drawn; same shape as the parameters.
     ParamGiven,

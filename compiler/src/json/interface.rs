@@ -1,4 +1,4 @@
-//! What is seen of a model from outside: names, units, shapes, bounds, settings.
+//! Public data of a model: names, units, shapes, bounds, settings.
 
 use cranelift_entity::{EntityRef, PrimaryMap};
 

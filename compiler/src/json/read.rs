@@ -17,11 +17,11 @@ use crate::layout::Layout;
 use crate::model::{Delay, Lag, Model, Programs, Root, RootAction, Row, Variable};
 use crate::structure::is_explicit;
 
-/// What a text holds.
+/// Content of a text.
 pub struct Read {
     /// The flat model, ready for [`CompiledModel::build`](crate::compiled::CompiledModel::build).
     pub model: Model,
-    /// What it was compiled for.
+    /// Options of its compilation.
     pub circumstances: Circumstances,
 }
 

@@ -3,7 +3,7 @@
 use crate::ir::{BinaryFn, Compare, Flavour, ReduceFn, Role, Side, UnaryFn};
 use crate::model::{Instant, Lag, LinearSolver, Method, Variate};
 
-/// What is written as a word.
+/// Values written as words.
 pub(super) trait Word: Copy + 'static {
     /// All that can be read.
     const ALL: &'static [Self];

@@ -77,7 +77,7 @@ fn delay(delay: &Delay) -> Value {
     json!({"name": delay.name, "count": delay.count, "changes": delay.lag.word(), "bounds": bounds, "before": delay.before})
 }
 
-/// What the model was compiled for, as a compiled model keeps it.
+/// Options of the model's compilation, as stored by a compiled model.
 fn made_for(circumstances: &Circumstances) -> Value {
     let Circumstances { scenario, variants, settings } = circumstances;
     json!({
@@ -174,7 +174,7 @@ fn solver(i: &Interface) -> Value {
     json!(i.solver)
 }
 
-/// What the outputs of the program `finish` are, one after another; a failure has two numbers.
+/// Outputs of the program `finish`, one after another; a failure has two numbers.
 fn finish(finish: &Finish) -> Value {
     let observation = |o: &crate::model::Observed| {
         json!({

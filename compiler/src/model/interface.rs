@@ -1,4 +1,4 @@
-//! What is seen of a model from outside: names, units, bounds, what is reported.
+//! Public data of a model: names, units, bounds, reported quantities.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ pub struct Interface {
     pub phases: Vec<String>,
     /// Random numbers: element i of the variable of role `Draw`.
     pub draws: Vec<Draw>,
-    /// What a step ends in.
+    /// End of a step.
     pub finish: Finish,
     /// Invariants.
     pub invariants: Vec<Invariant>,
@@ -40,7 +40,7 @@ pub struct Interface {
     pub episode: Episode,
     /// Solver settings.
     pub solver: Solver,
-    /// What can be chosen of it.
+    /// Its choices.
     pub alternatives: Alternatives,
     /// Tests, where the model was compiled with them.
     #[serde(skip)]
@@ -58,7 +58,7 @@ pub struct Quantities {
     pub algebraics: Vec<Quantity>,
     /// Solved algebraic unknowns (the part of `y` after the states).
     pub solved: Vec<Quantity>,
-    /// What became of the algebraic variables.
+    /// Treatment of the algebraic variables.
     pub algebraic_counts: AlgebraicCounts,
     /// Discrete variables.
     pub discretes: Vec<Quantity>,
@@ -88,7 +88,7 @@ pub struct Port {
     pub name: String,
     /// Name of its connector.
     pub connector: String,
-    /// What the connector is made of.
+    /// Members of the connector.
     pub members: Vec<PortMember>,
 }
 
@@ -103,7 +103,7 @@ pub struct PortMember {
     pub equals: Option<String>,
 }
 
-/// What a step ends in, in the order of the output of [`super::Programs::finish`].
+/// End of a step, in the order of the output of [`super::Programs::finish`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finish {
     /// Failures that the model declares.
@@ -121,7 +121,7 @@ pub struct Finish {
 }
 
 impl Finish {
-    /// Where each part stands in the output of the program.
+    /// Place of each part in the output of the program.
     #[must_use]
     pub fn layout(&self) -> FinishLayout {
         let mut end = 0;
@@ -198,7 +198,7 @@ pub struct StartCondition {
     pub only: bool,
 }
 
-/// What can be chosen of a model, and what was.
+/// Choices of a model, and the chosen options.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Alternatives {
     /// Names of the observation levels (`default` first, `full` last).
@@ -330,7 +330,7 @@ pub struct Failure {
     pub text: String,
     /// It is found by a root function inside the step.
     pub event: bool,
-    /// What the box holds, for messages; empty for other conditions.
+    /// Content of the box, for messages; empty for other conditions.
     pub items: Vec<BoxItem>,
     /// Depends on the reward.
     pub on_reward: bool,

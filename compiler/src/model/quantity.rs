@@ -51,14 +51,14 @@ pub enum Axis {
     },
     /// Cells of a domain, numbered from 1.
     Cells {
-        /// Which of [`super::Interface::grids`].
+        /// Index in [`super::Interface::grids`].
         grid: u32,
         /// Number of them.
         count: u32,
     },
 }
 
-/// Where the cells of a domain lie.
+/// Positions of the cells of a domain.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Name of the domain.

@@ -15,7 +15,8 @@ pub struct Episode {
     pub error_reward: f64,
     /// The end at `max_steps` is a success (a batch of fixed length), not a truncation.
     pub end_is_success: bool,
-    /// With sparse rewards a failure pays the error reward and nothing else; otherwise the sum over the episode, like any end.
+    /// With sparse rewards a failure pays the error reward and nothing else; otherwise the sum over
+    /// the episode, like any end.
     pub failure_pays_alone: bool,
     /// Actions, over their scale, are rounded to single precision before they are applied.
     pub single_precision: bool,
@@ -30,7 +31,7 @@ pub struct Solver {
     pub one_step_rtol: Option<f64>,
     /// Absolute tolerance of an unknown = this · rtol · scale.
     pub atol_factor: f64,
-    /// What the solver is given of the tolerances: below 1 where errors grow much beyond those of a step.
+    /// Factor on the tolerances for the solver: below 1 if errors grow much beyond those of a step.
     pub safety: f64,
     /// Highest order.
     pub max_order: u32,
@@ -46,24 +47,27 @@ pub struct Solver {
     pub algebraic_error_control: bool,
     /// Quadratures enter the error test.
     pub quadrature_error_control: bool,
-    /// What solves the linear systems of Newton's method.
+    /// Linear solver of Newton's method.
     pub linear_solver: LinearSolver,
-    /// What takes the steps.
+    /// Integration method.
     pub method: Method,
 }
 
-/// What takes the steps.
+/// Integration method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// SUNDIALS' variable-order BDF code IDA: any system of index 1, of any size.
     #[default]
     Ida,
-    /// The Rosenbrock method Rodas5P of order 5: systems that are explicit in their derivatives, stiff or not, with algebraic unknowns or without.
+    /// The Rosenbrock method Rodas5P of order 5: systems that are explicit in their derivatives,
+    /// stiff or not, with algebraic unknowns or without.
     Rosenbrock,
-    /// The explicit Runge–Kutta method DOP853 of order 8: ordinary differential equations that are not stiff.
+    /// The explicit Runge–Kutta method DOP853 of order 8: ordinary differential equations that are
+    /// not stiff.
     Explicit,
-    /// One of the two, by a test of stiffness at run time; IDA for systems that they do not take or that are large.
+    /// One of the two, by a test of stiffness at run time; IDA for systems that they do not take or
+    /// that are large.
     Auto,
 }
 
@@ -98,7 +102,7 @@ impl std::fmt::Display for Method {
     }
 }
 
-/// Which linear solver the Newton iteration uses.
+/// Linear solver of the Newton iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LinearSolver {
@@ -107,7 +111,8 @@ pub enum LinearSolver {
     Auto,
     /// LU with partial pivoting of the full matrix.
     Dense,
-    /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU where these do not serve.
+    /// Sparse LU of the diagonal blocks of the block triangular form, pivots on the diagonal; KLU
+    /// where these do not serve.
     Block,
     /// SuiteSparse's KLU.
     Klu,

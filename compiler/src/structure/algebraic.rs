@@ -13,7 +13,7 @@ use crate::model::Model;
 /// An element of an algebraic variable; a part of a whole array under -1, -2 and so on.
 pub(super) type Element = (VarId, i64);
 
-/// What becomes of the algebraic variables.
+/// Treatment of the algebraic variables.
 #[derive(Debug, Default)]
 pub(crate) struct Plan {
     /// Elements whose definition is substituted, by equation.
@@ -92,7 +92,7 @@ fn second_definitions(model: &mut Model, equations: &mut [Equation], plan: &Plan
     }
 }
 
-/// What may be substituted.
+/// Variables that may be substituted.
 struct Definitions<'m> {
     exprs: &'m Exprs,
     vars: &'m cranelift_entity::PrimaryMap<VarId, crate::model::Variable>,
@@ -169,7 +169,7 @@ fn keep_for_sparsity(
     }
 }
 
-/// What definitions depend on, by number.
+/// Dependencies of definitions, by number.
 struct Inputs {
     numbers: FastMap<(VarId, Affine), usize>,
     /// Elements that each input stands for: a load inside a reduction for all that the loop passes.

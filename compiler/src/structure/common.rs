@@ -1,4 +1,4 @@
-//! What several passes need.
+//! Common functions of several passes.
 
 use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Expr, ExprId, Exprs, Program, Rewritten, VarId};

@@ -79,7 +79,7 @@ fn split(exprs: &mut Exprs, equation: &Equation, depth: usize, cuts: &[i64], out
     }
 }
 
-/// What a loop evaluates `by` passes later.
+/// Expression of a loop `by` iterations later.
 fn advanced(exprs: &mut Exprs, value: ExprId, depth: LoopVar, by: i64) -> ExprId {
     let d = usize::from(depth.0);
     exprs.rewrite(value, &mut Rewritten::default(), &mut |exprs, node| match node {

@@ -29,13 +29,13 @@ pub(super) struct LeftOver {
     pub span: Span,
     /// Left side less right side.
     pub residual: ExprId,
-    /// What it is written for, and the equation that determines that.
+    /// Unknown for which it is written, and the equation that determines that unknown.
     pub written_for: Option<(Element, Span)>,
     /// The unknowns that it and the equations of those could determine.
     pub reach: Rc<[Element]>,
 }
 
-/// What matching has found.
+/// Result of matching.
 pub(super) struct Findings<'f> {
     /// The equations of the text before any substitution.
     pub equations: &'f [Equation],
@@ -154,7 +154,8 @@ fn definitions(model: &Model, found: &Findings<'_>, span: Span) -> Vec<(String, 
     all.take(SHOWN).map(|(var, span)| (model.vars[var].name.clone(), span)).collect()
 }
 
-/// How often a constraint has to be differentiated until unknowns without an equation occur in it, and those; 0 where none does.
+/// Number of differentiations of a constraint until unknowns without an equation occur in it, and
+/// these unknowns; 0 if none occurs.
 fn differentiations(model: &Model, found: &Findings<'_>, states: &[Element]) -> (usize, FastSet<VarId>) {
     let missing: FastSet<VarId> = found.missing.iter().map(|e| e.0).collect();
     let mut reads: FastMap<VarId, FastSet<VarId>> = FastMap::default();

@@ -6,7 +6,8 @@ use crate::elaborate::ordered_initial;
 use crate::ir::{FastMap, FastSet, Flavour, Place, Role, VarId};
 use crate::model::Model;
 
-/// Puts initial values into order again, now that explicit algebraic variables are known by what they consist of.
+/// Puts initial values into order again, now that explicit algebraic variables are known by what
+/// they consist of.
 ///
 /// # Errors
 /// Initial values that need each other, through algebraic variables that are solved for too.
@@ -37,7 +38,8 @@ fn circular(model: &Model) -> Vec<Diagnostic> {
     let all = |e| model.exprs.loads(e, |_, flavour| matches!(flavour, Flavour::Value | Flavour::Initial));
     let vars_in = |e| all(e).into_iter().map(|(var, ..)| var).collect::<Vec<_>>();
     let is_held = |var: VarId| matches!(model.vars[var].role, Role::State | Role::Discrete);
-    // What a variable needs: of an algebraic one what its equation reads, of others what their initial values read.
+    // What a variable needs: of an algebraic one what its equation reads, of others what their
+    // initial values read.
     let mut needs: FastMap<VarId, Vec<VarId>> = FastMap::default();
     for row in model.rows.iter().filter(|r| model.vars[r.var].role == Role::Algebraic) {
         let read = vars_in(row.residual).into_iter().filter(|v| *v != row.var);

@@ -107,7 +107,7 @@ struct Matching<'m> {
     equations: &'m [Equation],
     residuals: Vec<ExprId>,
     spans: Vec<Span>,
-    /// What an equation `v = ...` is written for, where another one determines `v`.
+    /// Unknown for which an equation `v = ...` is written, if another one determines `v`.
     written_for: Vec<Option<Element>>,
     /// The equations that determine elements.
     determined: FastMap<Element, Span>,
@@ -175,7 +175,7 @@ impl Matching<'_> {
         Ok(())
     }
 
-    /// What is left over on both sides.
+    /// Unmatched equations and unknowns.
     fn findings(
         &self,
         unmatched: Vec<(usize, Rc<[Element]>)>,

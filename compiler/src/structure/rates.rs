@@ -9,7 +9,7 @@ use crate::elaborate::{Equation, EquationForm, for_each_element};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
-/// Which states have an explicit rate.
+/// States with an explicit rate.
 pub(crate) struct Rates {
     /// For each state variable, whether each element has an equation `d/dt x = ...`.
     pub covered: FastMap<VarId, Vec<bool>>,

@@ -23,8 +23,8 @@ from smpl.support.arguments import FloatArray, check_names
 if TYPE_CHECKING:
     from smpl.model import Model
 
-# Steps one by one and an episode in one go take different internal steps; beyond this difference, relative to the
-# largest value of a state or reward, they are different episodes.
+# Steps one by one and an episode in one go take different internal steps; beyond this difference,
+# relative to the largest value of a state or reward, they are different episodes.
 _SAME = 1e-4
 
 

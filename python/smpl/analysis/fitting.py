@@ -28,7 +28,8 @@ _ROUNDS = 20
 _RANK = 1e-6
 # Residuals, over their deviations, from which on they are no noise.
 _MISFIT = 1.5
-# Exact derivatives by all states cost more than differences by the fitted numbers above so many states for each.
+# Exact derivatives by all states cost more than differences by the fitted numbers above so many
+# states for each.
 _STATES = 8
 DERIVATIVES = ("auto", "exact", "differences")
 
@@ -213,7 +214,8 @@ class _Problem:
                 text = f"{name} is fitted as one number, and was {min(values):.6g} to {max(values):.6g} in the runs"
                 warnings.warn(text, stacklevel=4)
 
-    # What is fitted: the parameters, then the unknown initial states of each run, over their scales.
+    # What is fitted: the parameters, then the unknown initial states of each run, over their
+    # scales.
 
     def _start(self, guesses: Mapping[str, float]) -> None:
         model = self.model

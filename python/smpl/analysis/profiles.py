@@ -18,7 +18,8 @@ from smpl.analysis.fitting import Fit, fit
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_numbers, check_names
 
-# Steps away from the best value on each side at most, the growth from one to the next, and refinements of a crossing.
+# Steps away from the best value on each side at most, the growth from one to the next, and
+# refinements of a crossing.
 _MOST, _GROWTH, _REFINED = 40, 2.0, 8
 # A fit that is better than the best one by this much takes its place.
 _BETTER = 1e-3
@@ -94,7 +95,8 @@ class _Search:
 
     def __init__(self, model: Model, runs: Any, best: Fit, name: str, options: Mapping[str, Any]) -> None:
         self._model, self._runs, self._best, self._name = model, runs, best, name
-        # The noise of the best fit weighs everywhere: sums of squares of different weights cannot be compared.
+        # The noise of the best fit weighs everywhere: sums of squares of different weights cannot
+        # be compared.
         self._options = {**options, "noise": best.noise}
         self._base = best.residual_norm**2
         place = model.parameter_names.index(name)

@@ -244,7 +244,8 @@ def _by_time(
     if steps < 1:
         raise ValueError(f"{name} has no value of a state or observation (obs.NAME) after the start")
     disturbed = [one for one in model.disturbance_names if one in columns]
-    # As in the tables of `smpl simulate`, a value holds up to its time, unless row 0 has one at the start.
+    # As in the tables of `smpl simulate`, a value holds up to its time, unless row 0 has one at the
+    # start.
     first = [columns[one][0] for one in (model.action_names or disturbed)]
     after = times[0] <= _SAME * h and bool(np.isfinite(first).any())
     course = _Course(times, h, resample == "linear", after, steps, last)

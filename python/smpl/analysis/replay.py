@@ -20,8 +20,9 @@ from smpl.support.arguments import FloatArray
 
 # Relative distance of differences.
 DISTANCE = 3e-4
-# Steps whose states are further than this from those of the run, in parts of the largest, are not those of the run;
-# the first where all are computed as if they were the first one, which a model that reads the time does not bear.
+# Steps whose states are further than this from those of the run, in parts of the largest, are not
+# those of the run; the first where all are computed as if they were the first one, which a model
+# that reads the time does not bear.
 _APART = {True: 1e-5, False: 1e-3}
 # States by columns of derivatives from which on steps are spread over threads.
 _LARGE = 400
@@ -171,7 +172,8 @@ class Recorded:
         cores = (os.cpu_count() or 1) if states.shape[1] * len(self._directions) >= _LARGE else 1
 
         def part(first: int, count: int, threads: int) -> tuple[FloatArray, ...]:
-            # What `linearize_step` does without its checks: a step of a small model takes no longer than these.
+            # What `linearize_step` does without its checks: a step of a small model takes no longer
+            # than these.
             try:
                 return self.model.native.sensitivity(
                     states[first : first + count],

@@ -132,7 +132,8 @@ class BayesianOptimization:
     def ask(self, count: int | None = None) -> FloatArray:
         """The next points, (count, d). The same until `tell` is called."""
         count = self._batch if count is None else as_count("count", count)
-        # Of the number of evaluations alone, so that a search from a file goes on as one that was not stopped.
+        # Of the number of evaluations alone, so that a search from a file goes on as one that was
+        # not stopped.
         generator = np.random.default_rng([self._seed, len(self.values)])
         fixed = self._initial - len(self.values)
         chosen: list[FloatArray] = []

@@ -17,10 +17,11 @@ from smpl.controllers.nmpc_model import Expressions
 from smpl.support.arguments import FloatArray
 
 NODES = ("radau", "gauss")
-# Above so many operations in all stages together, stages are calls of one function instead of one large graph.
+# Above so many operations in all stages together, stages are calls of one function instead of one
+# large graph.
 _MOST_OPERATIONS = 600_000
-# What an interval behind the end of the episode counts for, of its cost and of its broken bounds: not 0, so that the
-# programme has one solution there too.
+# What an interval behind the end of the episode counts for, of its cost and of its broken bounds:
+# not 0, so that the programme has one solution there too.
 _AFTER = (1e-6, 1e-3)
 _WITHIN = "within:episode"
 
@@ -159,7 +160,8 @@ class Transcription:
         self.rows = np.ones(self.n + self.nz - len(self.e.explicit)) if task.rows is None else task.rows
         self.width = len(self.points) * (self.n + self.nz) * task.elements
         self.soft = [limit for limit in task.limits if limit.soft]
-        # Places of the values of q among those that are common to all intervals and, behind them, those of one.
+        # Places of the values of q among those that are common to all intervals and, behind them,
+        # those of one.
         keys = [*(key for key in task.given if key not in task.varying), *task.varying]
         self.order = [keys.index(key) for key in task.given]
         self._equations = self.point_function("equations", self.e.equations)
@@ -184,7 +186,8 @@ class Transcription:
         begin, equations, places = s, [], []
         action, last, zero = u * self.scale, v * self.scale, ca.SX(e.integral.numel(), 1)
         offset = self._offsets(q)
-        # Behind the end of the episode everything rests: the effect there could not be distinguished from an optimum.
+        # Behind the end of the episode everything rests: the effect there could not be
+        # distinguished from an optimum.
         inside = q[task.given.index(_WITHIN)] if _WITHIN in task.given else 1.0
         for k in range(task.elements):
             cells = [w[(k * size + j) * per : (k * size + j + 1) * per] for j in range(size)]

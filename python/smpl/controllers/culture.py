@@ -48,7 +48,8 @@ class CultureMPC(TakesWrapped):
         self._kind, self._horizon = kind, horizon
         part = (*STATES, "h") if (kind == "empc" if tank is None else tank) else STATES
         self._options: dict[str, Any] = {"integrate": True, "part": part, "actions": ACTIONS, "tolerance": 1e-4}
-        # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are priced low.
+        # A start that is too hot is cooled by what the other tanks bear, so that broken bounds are
+        # priced low.
         self._options |= {"rest": Policy("nominal"), "p": "episode", "soft_weight": 100.0, "starts": 0} | options
         # Nothing of the culture turns within an hour.
         self._options.setdefault("path", False)
@@ -69,8 +70,9 @@ class CultureMPC(TakesWrapped):
             cost: Any = "productivity" if self._kind == "empc" else _deviations(env.model)
             given = {"bounds": self._bounds(env), **self._options}
             if "h" in given["part"]:
-                # The rule brings the outflow back with the level. As it is at the moment, held for all of the horizon,
-                # it would ask for more than the culture bears after an hour with a full tank.
+                # The rule brings the outflow back with the level. As it is at the moment, held for
+                # all of the horizon, it would ask for more than the culture bears after an hour
+                # with a full tank.
                 outflow = env.model.native.defaults("action")[env.action_names.index("F_out")]
                 given["forecast"] = {"F_out": float(outflow), **given.get("forecast", {})}
             self.controller = NMPC(env, self._horizon, cost, **given)

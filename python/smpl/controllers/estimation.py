@@ -161,7 +161,8 @@ class Prediction:
                 f"{self.model.name}), the environment shows {', '.join(env.observation_names)} "
                 f"(level {env.model.level!r} of {env.model.name})"
             )
-        # The environment may have another time limit than the model; readings are taken at its last step too.
+        # The environment may have another time limit than the model; readings are taken at its last
+        # step too.
         self.limit = env.max_steps + 1
         self._by_differences, self._why = 0, ""
 

@@ -71,7 +71,8 @@ _SAMPLED: dict[str, dict[str, Any]] = {
 }
 
 
-# The buffer tank belongs to what is predicted, so that it neither overflows nor runs empty; the switch is a rule.
+# The buffer tank belongs to what is predicted, so that it neither overflows nor runs empty; the
+# switch is a rule.
 _CULTURE: dict[str, Any] = {
     "horizon": 20,
     "cost": "productivity",

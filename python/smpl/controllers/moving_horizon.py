@@ -178,7 +178,8 @@ class MovingHorizonEstimator(TakesWrapped):
         low, high = np.tile(self.prediction.low, len(self._window)), np.tile(self.prediction.high, len(self._window))
         margin = 1e-9 * np.maximum(1.0, np.where(np.isfinite(high - low), high - low, 1.0))
         guess = np.clip(np.concatenate([one.point for one in self._window]), low + margin, high - margin)
-        # SciPy asks for residual and Jacobian at the same point one after the other: both come from the same rollouts.
+        # SciPy asks for residual and Jacobian at the same point one after the other: both come from
+        # the same rollouts.
         known: dict[bytes, tuple[FloatArray, FloatArray]] = {}
         clock, best = Clock(self._budget), _Best()
 

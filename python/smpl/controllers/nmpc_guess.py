@@ -9,7 +9,8 @@ import numpy as np
 from smpl.controllers.collocation import Programme, Transcription
 from smpl.support.arguments import FloatArray
 
-# Shares of the ranges by which a guess keeps from the bounds of states, and by which it is displaced in turn.
+# Shares of the ranges by which a guess keeps from the bounds of states, and by which it is
+# displaced in turn.
 _WITHIN, _DISPLACED = 1e-3, (0.0, 1e-2, 1e-1)
 
 

@@ -14,7 +14,8 @@ from smpl.support.arguments import FloatArray, as_mapping, as_number
 from smpl.support.names import listing
 
 Cost = str | Mapping[str, float] | Callable[[Mapping[str, Any]], Any] | None
-# Shares of their sizes by which the unknowns are displaced from the guess, where derivatives may be 0 or infinite.
+# Shares of their sizes by which the unknowns are displaced from the guess, where derivatives may be
+# 0 or infinite.
 _PLACES = (0.0, 0.1)
 
 

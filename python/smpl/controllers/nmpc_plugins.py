@@ -11,9 +11,11 @@ from smpl.controllers.nmpc_watch import Watched
 
 # Above so many variables a stage IPOPT's sparse factorisation is faster than fatrop's dense blocks.
 WIDE = 60
-# Changes of the active set after which a quadratic programme is given up: by `auto`, and where `sqp` is chosen.
+# Changes of the active set after which a quadratic programme is given up: by `auto`, and where
+# `sqp` is chosen.
 _CHANGES, _MOST_CHANGES = 30, 100
-# Iterations of `sqp` after which it is given up: by `auto` from a warm start, and where it is chosen.
+# Iterations of `sqp` after which it is given up: by `auto` from a warm start, and where it is
+# chosen.
 _WARM, _MOST = 6, 30
 # Interior points that need more iterations go to and fro at a kink.
 ENDLESS = 500

@@ -19,7 +19,8 @@ from smpl.support.arguments import FloatArray
 SOLVERS = ("auto", "fatrop", "ipopt", "sqp")
 # Above so many variables the sparse quadratic programmes of `sqp` take longer than fatrop.
 _SMALL = 1500
-# A point that breaks no equation by more (in scaled variables) can be followed, whatever else it lacks.
+# A point that breaks no equation by more (in scaled variables) can be followed, whatever else it
+# lacks.
 _FEASIBLE = 1e-5
 # Seconds that the search for the least broken bounds has, whatever the solvers before it took.
 _LEAST = 0.5

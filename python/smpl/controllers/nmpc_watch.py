@@ -16,7 +16,8 @@ from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
 
-# Seconds between two looks at the clock, and those that a solver without a callback has after the time limit.
+# Seconds between two looks at the clock, and those that a solver without a callback has after the
+# time limit.
 _LOOK, _GRACE = 0.2, 0.2
 # Signals of which a program may have handlers; a real-time one has no name.
 _SIGNALS = tuple(number for number in signal.valid_signals() if isinstance(number, signal.Signals))

@@ -90,7 +90,8 @@ class PID(TakesWrapped):
         self.low, self.high = -math.inf, math.inf
         self._set(gain, integral_time, derivative_time, filter, set_point_weight)
         self._measured: Measured | None = None
-        # The model of which the sign of the gain was looked at; with other loops it does not follow from this one.
+        # The model of which the sign of the gain was looked at; with other loops it does not follow
+        # from this one.
         self._signed: Model | None = None
         self._alone = True
         self._index, self._base = 0, np.zeros(0)
@@ -107,7 +108,8 @@ class PID(TakesWrapped):
             set_point: at the beginning, for that.
         """
         proportional = 0.0 if measurement is None else self.gain * (self.set_point_weight * set_point - measurement)
-        # The proportional part is that of the weighted set-point: without error it is not zero unless b = 1.
+        # The proportional part is that of the weighted set-point: without error it is not zero
+        # unless b = 1.
         self._integral = action - proportional
         self._derivative, self._last = 0.0, measurement
         self._applied, self._before = action, None if measurement is None else (proportional, 0.0)

@@ -16,8 +16,8 @@ from smpl.envs import Env
 from smpl.support.arguments import FloatArray
 
 PERIOD, HORIZON = 20, 25
-# Litres of flush and elution that plans begin with: the nominal ones, and shorter ones of which the product reaches the
-# pool within the hour in which the pool begins to fill.
+# Litres of flush and elution that plans begin with: the nominal ones, and shorter ones of which the
+# product reaches the pool within the hour in which the pool begins to fill.
 VOLUMES = ((750, 300), (500, 150), (450, 150))
 # A batch that is to be in the pool at the end of the episode starts so many hours before.
 LAST = 5

@@ -190,7 +190,8 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     buffers = [
         EpisodeBuffer(
             id=index,
-            # The file holds 64 bits of a seed; those that stand for a longer one begin the same episode.
+            # The file holds 64 bits of a seed; those that stand for a longer one begin the same
+            # episode.
             seed=None if episode.seed is None else native_seed(int(episode.seed)),
             options=episode.options,
             observations=episode.observations,

@@ -17,7 +17,8 @@ from smpl.episodes import Episode
 
 Array = npt.NDArray[Any]
 _LEGACY = ("observations", "actions", "rewards", "terminals", "timeouts")
-# Columns of the penicillin files in the order of the environment's names, spellings without units and case.
+# Columns of the penicillin files in the order of the environment's names, spellings without units
+# and case.
 _PENSIM_OBSERVATIONS = (
     "time step",
     "ph",

@@ -27,7 +27,8 @@ from smpl.support.optional import load
 
 FORMAT = 1
 MANIFEST = "dataset.json"
-# Columns of names, in this order: (prefix, key of the manifest, whether the last row of an episode has a value).
+# Columns of names, in this order: (prefix, key of the manifest, whether the last row of an episode
+# has a value).
 GROUPS = (
     ("observation", "observations", True),
     ("action", "actions", False),

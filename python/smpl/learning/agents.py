@@ -34,7 +34,8 @@ class Agent:
 
     def __init__(self, name: str, chooser: Any, physical: bool = False, version: str | int | None = None) -> None:
         self.name, self.chooser, self.physical, self.version = name, chooser, physical, version
-        # Text and model that it was made from: in another process it is made anew, whatever it has built meanwhile.
+        # Text and model that it was made from: in another process it is made anew, whatever it has
+        # built meanwhile.
         self.origin: tuple[str, Model] | None = None
         self.policy = as_policy(chooser)
         if physical:

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 from smpl.support.optional import load
 
 Result = TypeVar("Result")
-# Pieces in work for each processor, seconds after which new processors are looked for, and how often in a row pieces
-# may be lost before any is done.
+# Pieces in work for each processor, seconds after which new processors are looked for, and how
+# often in a row pieces may be lost before any is done.
 _AHEAD, _LOOK, _LOSSES = 2, 5.0, 100
 
 

@@ -427,7 +427,8 @@ def _centre(
     return lambda rows: interface.to_physical(acted(chosen, rows, name)), chosen.needs
 
 
-# Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at which it switches.
+# Policy `nominal` of the antibody process: its level rule, and the outlet concentration, mg/L, at
+# which it switches.
 _LEVEL, _FLOW, _GAIN, _BREAKTHROUGH = 15.0, 21.689197033088462, 50 / 180, 0.4957757365045033
 _SWAP = 20
 

@@ -17,7 +17,8 @@ from smpl.support.arguments import FloatArray
 
 # The most rows of trajectories that are drawn.
 _PANELS = 8
-# A second panel leaves out a controller that makes the range this many times as wide as the others need.
+# A second panel leaves out a controller that makes the range this many times as wide as the others
+# need.
 _FAR = 6.0
 
 _Bands = list[tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None]

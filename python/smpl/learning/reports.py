@@ -37,7 +37,8 @@ _LEGEND = (
 )
 
 
-# What a limit counts that is broken without a measure, as an event is: the line on failures says it.
+# What a limit counts that is broken without a measure, as an event is: the line on failures says
+# it.
 _MARK = 1e-6
 
 

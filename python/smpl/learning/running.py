@@ -14,7 +14,8 @@ from smpl.episodes import Episode
 from smpl.learning.plan import Plan
 from smpl.loop import Batch, Job, Settings, Single, Stage, run_jobs
 
-# Environments of a batch. It does not depend on the machine: what a network gives for a row may depend on how many.
+# Environments of a batch. It does not depend on the machine: what a network gives for a row may
+# depend on how many.
 SLOTS = 64
 
 

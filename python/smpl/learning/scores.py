@@ -21,7 +21,8 @@ from smpl.learning.workers import spread
 from smpl.loop import Job, Settings
 from smpl.support.arguments import FloatArray, as_count
 
-# Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker takes at a time.
+# Episodes that are kept whole for the pictures, decisions whose times are kept, episodes a worker
+# takes at a time.
 KEPT, DECISIONS, CHUNK = 64, 20_000, 8
 # Episodes of a piece that is run in a native batch.
 _BATCH = 1024

@@ -103,7 +103,8 @@ def _most() -> int:
 
 def _begin(sent: bytes) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # A fault is told with the first piece: one that is raised here would look as if the process had died.
+    # A fault is told with the first piece: one that is raised here would look as if the process had
+    # died.
     try:
         _SHARED[:] = [pickle.loads(sent)]
     except Exception as error:

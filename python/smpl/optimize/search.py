@@ -189,8 +189,9 @@ class Search:
         search = BayesianOptimization(self.low, self.high, names=self.names, batch=batch, seed=self._seed)
         if self._given:
             search.tell(self._start[None], evaluate(self._start[None]))
-        # What is there is taken in as it is: a Gaussian process for each point of the past would cost hours.
-        # A batch that was not finished is asked for again: its points depend on what was known before it.
+        # What is there is taken in as it is: a Gaussian process for each point of the past would
+        # cost hours. A batch that was not finished is asked for again: its points depend on what
+        # was known before it.
         known = 0 if self._there is None else (len(self._there) - len(self.values)) // batch * batch
         if self._there is not None and known > 0:
             points = self._there[len(self.values) : len(self.values) + known, :-1]

@@ -2,9 +2,9 @@
 //!
 //! Root functions are known where a step begins and ends. In between they are bounded over parts of
 //! the step, by bounds of the unknowns and by the compiled bounds of the functions. A part in which
-//! the sign of each is certain hides nothing; others are halved, until nothing is left open or
-//! parts are [`NARROWEST`] of the step. Of those that stay open the two ends are looked at: what
-//! becomes true and ceases to hold within so short a time is the only thing that is not seen.
+//! the sign of each is certain contains no event; others are halved, until none is open or parts
+//! are [`NARROWEST`] of the step. Parts that stay open are evaluated at their two ends. Only a
+//! condition that becomes true and ceases to hold within such a part is not found.
 
 use super::watch::{Closely, Open, Watch};
 

@@ -1,4 +1,5 @@
-//! Blocks of square systems: a matching of rows and unknowns, and strongly connected components in their order.
+//! Blocks of square systems: a matching of rows and unknowns, and strongly connected components in
+//! their order.
 
 use smpl_compiler::graph::connected;
 
@@ -15,7 +16,8 @@ pub(super) struct Unmatched {
     pub rows: Vec<usize>,
 }
 
-/// Blocks in the order in which they are solved; `incidence` has the unknowns that occur in each row.
+/// Blocks in the order in which they are solved; `incidence` has the unknowns that occur in each
+/// row.
 pub(super) fn of(incidence: &[Vec<usize>], unknowns: usize) -> Result<Vec<Block>, Unmatched> {
     let mut matching = Matching::new(unknowns);
     (0..incidence.len()).try_for_each(|row| matching.add(incidence, row).map(drop))?;
@@ -43,8 +45,8 @@ impl Matching {
         Self { row_of: vec![None; unknowns], closed: vec![false; unknowns], seen: vec![0; unknowns], searches: 0 }
     }
 
-    /// Gives a row an unknown, others another one where that is needed; the unknown that had none before. Unknowns that occur first in a row
-    /// are taken first.
+    /// Gives a row an unknown, others another one where that is needed; the unknown that had none
+    /// before. Unknowns that occur first in a row are taken first.
     pub(super) fn add(&mut self, incidence: &[Vec<usize>], row: usize) -> Result<usize, Unmatched> {
         // The path: rows, and the next of their unknowns to be looked at.
         let mut path: Vec<(usize, usize)> = vec![(row, 0)];
@@ -72,7 +74,8 @@ impl Matching {
         Err(Unmatched { rows })
     }
 
-    /// Gives the last row of a path the unknown `free`, and each row before it the unknown that led to the next one.
+    /// Gives the last row of a path the unknown `free`, and each row before it the unknown that led
+    /// to the next one.
     fn take(&mut self, incidence: &[Vec<usize>], path: &[(usize, usize)], free: usize) {
         let Some((&(last, _), before)) = path.split_last() else { return };
         self.row_of[free] = Some(last);

@@ -37,8 +37,9 @@ impl fmt::Display for Conflict {
 }
 
 impl Freed {
-    /// Chooses a state for each condition: first those that it names, then those without a declared value, then others, in the order of their
-    /// declaration. The choice is structural and does not depend on numbers.
+    /// Chooses a state for each condition: first those that it names, then those without a declared
+    /// value, then others, in the order of their declaration. The choice is structural and does not
+    /// depend on numbers.
     ///
     /// # Errors
     /// Conditions in which fewer states occur than there are conditions.

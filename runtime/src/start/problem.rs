@@ -87,7 +87,8 @@ impl<'a> Problem<'a> {
         self.places.len()
     }
 
-    /// Columns of the unknowns that may occur in each row; the first one of an algebraic row is its own.
+    /// Columns of the unknowns that may occur in each row; the first one of an algebraic row is its
+    /// own.
     pub(super) fn incidence(&mut self) -> Vec<Vec<usize>> {
         let mut out: Vec<Vec<usize>> = vec![Vec::new(); self.rows.len()];
         let algebraic = self.rows.iter().filter(|row| matches!(row, Row::Equation(_))).count();

@@ -13,7 +13,8 @@ pub(super) fn of(catalogue: &Catalogue, n: usize, actions: &[usize]) -> Bounds {
     Bounds::new(all(catalogue).chain(&behind), n + actions.len())
 }
 
-/// The free unknown that is nearest to one of its bounds, or furthest beyond it, if that is less than a hundredth of its range away.
+/// The free unknown that is nearest to one of its bounds, or furthest beyond it, if that is less
+/// than a hundredth of its range away.
 pub(super) fn reached(bounds: &Bounds, problem: &Problem, catalogue: &Catalogue, y: &[f64]) -> Option<AtBound> {
     let free = &problem.free;
     let (low, high) = (&bounds.low, &bounds.high);

@@ -1,4 +1,5 @@
-//! Discrete variables at a steady state: they are held, whatever a control step would make of them there.
+//! Discrete variables at a steady state: they are held, whatever a control step would make of them
+//! there.
 
 use smpl_compiler::layout::Region;
 
@@ -8,7 +9,8 @@ use crate::system::CompiledSystem;
 /// Change, relative to sizes and scales, that counts as none.
 const SAME: f64 = 1e-9;
 
-/// Discrete variables that the updates of a control step at `y` change, their values and the next ones: `system` rests there. Events are not looked at.
+/// Discrete variables that the updates of a control step at `y` change, their values and the next
+/// ones: `system` rests there. Events are not looked at.
 #[must_use]
 pub fn changed_by_a_step<'a>(system: &CompiledSystem, catalogue: &'a Catalogue, y: &[f64]) -> Vec<(&'a Element, f64, f64)> {
     let (mut system, mut y) = (system.clone(), y.to_vec());

@@ -1,17 +1,20 @@
-//! Steady states at a tie of `min`, `max`, `if` and their like, where the equations have one derivative on each side.
+//! Steady states at a tie of `min`, `max`, `if` and their like, where the equations have one
+//! derivative on each side.
 
 use crate::catalogue::Catalogue;
 use crate::solver::System;
 use crate::system::CompiledSystem;
 
-/// Distances from the point, relative to the scales: a derivative that jumps does so at both, one that bends does less at the smaller one.
+/// Distances from the point, relative to the scales: a derivative that jumps does so at both, one
+/// that bends does less at the smaller one.
 const DISTANCES: [f64; 2] = [1e-6, 1e-9];
 /// Change of an entry, relative to the largest of its row, that counts as a jump.
 const JUMP: f64 = 1e-3;
 /// Directions that are looked in, and their opposites.
 const DIRECTIONS: usize = 2;
 
-/// The place in `y` of an unknown whose equation has another derivative on another side of the point.
+/// The place in `y` of an unknown whose equation has another derivative on another side of the
+/// point.
 #[must_use]
 pub fn kink(system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> Option<usize> {
     let mut scales = vec![1.0; y.len()];

@@ -19,7 +19,8 @@ pub(super) fn cell(cell: Cell, out: &mut String) {
     };
 }
 
-/// Appends a number with 17 significant digits, as C's `%.17g` does: what is read back is the same double.
+/// Appends a number with 17 significant digits, as C's `%.17g` does: what is read back is the same
+/// double.
 pub fn seventeen_digits(x: f64, out: &mut String) {
     if !x.is_finite() {
         out.push_str(if x.is_nan() {

@@ -67,7 +67,8 @@ fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
     Ok(())
 }
 
-/// Names of the columns, and the cells of every row as CSV has them: nothing for null, numbers with all their digits.
+/// Names of the columns, and the cells of every row as CSV has them: nothing for null, numbers with
+/// all their digits.
 ///
 /// # Errors
 /// In words, what cannot be read.

@@ -10,7 +10,8 @@ pub struct Recorder {
     states: Vec<f64>,
     algebraics: Vec<f64>,
     observations: Vec<f64>,
-    /// Places of the parameters that are drawn: the last columns, so that those before keep their places.
+    /// Places of the parameters that are drawn: the last columns, so that those before keep their
+    /// places.
     drawn: Vec<usize>,
 }
 
@@ -39,7 +40,8 @@ impl Recorder {
         }
     }
 
-    /// Adds the present point of an episode; `result` is that of the step that led there, `None` for row 0.
+    /// Adds the present point of an episode; `result` is that of the step that led there, `None`
+    /// for row 0.
     pub fn record(&mut self, environment: &mut Environment, result: Option<&StepResult>) {
         environment.state(&mut self.states);
         environment.algebraics(&mut self.algebraics);

@@ -171,7 +171,7 @@ impl Deriver<'_> {
     }
 }
 
-/// What a name is declared as in a list of statements, and in the variants there.
+/// Declarations of a name in a list of statements, and in the variants there.
 fn declared(statements: &[Statement], name: &str) -> Option<Role> {
     statements.iter().find_map(|statement| match &statement.kind {
         StatementKind::Declare { role, declarations } => declarations.iter().any(|d| d.name.text == name).then_some(*role),

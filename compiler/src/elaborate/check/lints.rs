@@ -1,4 +1,4 @@
-//! What is allowed and hardly meant.
+//! Lints: allowed texts that are rarely intended.
 
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use smpl_dsl::span::{FileId, Span};
@@ -65,7 +65,8 @@ fn initial_of(l: &Lowering<'_, '_>, var: VarId) -> Option<Span> {
     each(&l.instances.blocks).filter_map(of).last()
 }
 
-/// Actions that a `steady` block leaves out, where it names others: one without any is a rest at the nominal actions.
+/// Actions that a `steady` block leaves out, where it names others: one without any is a rest at
+/// the nominal actions.
 fn lint_steady(l: &mut Lowering<'_, '_>) {
     let mut named: FastSet<VarId> = FastSet::default();
     let mut at: Option<Span> = None;
@@ -126,7 +127,8 @@ impl<'a> Symbols<'a> {
     }
 }
 
-/// Parameters of the main file whose name stands nowhere but in their declaration, comments and texts aside.
+/// Parameters of the main file whose name stands nowhere but in their declaration, comments and
+/// texts aside.
 pub(crate) fn unused_parameters(model: &Model, sources: &SourceMap, main: FileId, files: &[FileId]) -> Vec<Diagnostic> {
     let mut count: FastMap<&str, usize> = FastMap::default();
     for file in files.iter().filter_map(|id| sources.file(*id)) {

@@ -1,4 +1,4 @@
-//! What nothing asked for: a fault is one even where it has no effect yet.
+//! Unused declarations, whose faults are reported although they have no effect yet.
 //!
 //! Named expressions and fluxes are worked out at their own indices. A function is worked out with arguments that fit everywhere, a component
 //! as one instance whose parameters without values have sample values; of these, faults that depend on the values are not told.

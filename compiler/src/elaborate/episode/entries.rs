@@ -1,4 +1,5 @@
-//! The entries of `episode` and `solver`: one table for the text, for settings from outside, and for what messages list.
+//! The entries of `episode` and `solver`: one table for the text, for settings from outside, and
+//! for what messages list.
 
 use crate::model::{Episode, LinearSolver, Method, Solver};
 
@@ -11,7 +12,7 @@ pub(in crate::elaborate) enum Block {
     Solver,
 }
 
-/// What the blocks say.
+/// Entries of the blocks.
 #[derive(Default)]
 pub(in crate::elaborate) struct Said {
     pub episode: Episode,
@@ -27,11 +28,11 @@ pub(in crate::elaborate) struct Entry {
     pub name: &'static str,
     /// Its name as a setting, if it is one.
     pub setting: Option<&'static str>,
-    /// What it takes.
+    /// Accepted values.
     pub takes: Takes,
 }
 
-/// What an entry takes, and where it goes.
+/// Accepted values of an entry, and their destination.
 pub(in crate::elaborate) enum Takes {
     /// A positive time.
     Duration(fn(&mut Said) -> &mut f64),
@@ -82,7 +83,8 @@ const fn solver(name: &'static str, setting: Option<&'static str>, takes: Takes)
     Entry { block: Block::Solver, name, setting, takes }
 }
 
-/// All of them. The `max_steps` of the solver is the setting `max_internal_steps`: `max_steps` is that of the episode.
+/// All of them. The `max_steps` of the solver is the setting `max_internal_steps`: `max_steps` is
+/// that of the episode.
 pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     episode("step", Some("step"), Takes::Duration(|s| &mut s.episode.step)),
     episode("integrate", Some("integrate"), Takes::Interval),
@@ -106,7 +108,8 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("quadrature_error_control", None, Takes::Truth(|s| &mut s.solver.quadrature_error_control)),
 ];
 
-/// Names of the entries of a block, `episode` or `solver`, with the words that an entry takes if it takes words.
+/// Names of the entries of a block, `episode` or `solver`, with the words that an entry takes if it
+/// takes words.
 pub fn block_entries(block: &str) -> impl Iterator<Item = (&'static str, Option<&'static str>)> {
     let of = move |entry: &&Entry| match entry.block {
         Block::Episode => block == "episode",

@@ -1,4 +1,4 @@
-//! What a step ends in: failures, successes, constraints, rewards and observations.
+//! End of a step: failures, successes, constraints, rewards and observations.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Expr, Ident, Statement, StatementKind};
@@ -36,14 +36,14 @@ struct Ends<'a> {
     roots: Vec<Root>,
 }
 
-/// What the end of a step is made of.
+/// Parts of the end of a step.
 #[derive(Default)]
 pub(in crate::elaborate) struct Ending {
     /// In the layout of [`Finish::layout`].
     pub program: Program,
     /// The members of the boxes of failures.
     pub boxes: Program,
-    /// What the program gives.
+    /// Outputs of the program.
     pub finish: Finish,
     /// Of failures that are events.
     pub roots: Vec<Root>,
@@ -163,7 +163,8 @@ fn failure<'a>(l: &mut Lowering<'_, 'a>, scope: ScopeId, statement: &'a Statemen
     ends.failures.push((at, c, failure));
 }
 
-/// What `success`, `failure` and `timeout` stand for: a failure wins over a success, both over the last step.
+/// Meaning of `success`, `failure` and `timeout`: a failure overrides a success, and both the last
+/// step.
 fn outcome(l: &mut Lowering<'_, '_>, ends: &Ends<'_>, end_is_success: bool) -> Outcome {
     let mut failure = flag(l, Builtin::Failed);
     for (_, c, _) in &ends.failures {

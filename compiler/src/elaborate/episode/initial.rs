@@ -29,7 +29,7 @@ struct Starts {
 }
 
 impl Starts {
-    /// Where the start of a variable of a role goes.
+    /// Destination of the start of a variable of a role.
     fn of(&mut self, role: Role) -> &mut Assembly {
         if role == Role::State { &mut self.states } else { &mut self.discretes }
     }
@@ -39,13 +39,13 @@ impl Starts {
 pub(in crate::elaborate) struct SteadyProgram {
     /// The given actions, states and conditions.
     pub program: Program,
-    /// What is given.
+    /// Given values.
     pub problem: Steady,
     /// Something is said of it.
     pub said: bool,
 }
 
-/// What `steady` blocks say.
+/// Entries of `steady` blocks.
 pub(in crate::elaborate) fn steady_program<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> SteadyProgram {
     let SteadyText { said, given, conditions, free } = steady_text(l, blocks);
     let mut values = steady_actions(l, &given);
@@ -76,7 +76,7 @@ struct SteadyText {
     said: bool,
     /// Values of elements.
     given: FastMap<(VarId, i64), ExprId>,
-    /// What must be zero.
+    /// Expressions that must be zero.
     conditions: Vec<ExprId>,
     /// Actions that are found, by position.
     free: Vec<u32>,
@@ -85,7 +85,8 @@ struct SteadyText {
 /// An entry of a `steady` block.
 struct SteadyEntry<'a> {
     scope: ScopeId,
-    /// Number of the selection of statements that it stands in: the text outside of variants and choices, or one of their blocks.
+    /// Number of the selection of statements that it stands in: the text outside of variants and
+    /// choices, or one of their blocks.
     block: usize,
     /// Of how much it is.
     breadth: usize,
@@ -93,7 +94,8 @@ struct SteadyEntry<'a> {
     value: &'a Expr,
 }
 
-/// The entries of all `steady` blocks, those of variants after those outside, and among them those of fewer elements last.
+/// The entries of all `steady` blocks, those of variants after those outside, and among them those
+/// of fewer elements last.
 fn steady_entries<'a>(l: &Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Vec<SteadyEntry<'a>> {
     let mut known: Vec<(ScopeId, Option<Span>)> = Vec::new();
     let mut out = Vec::new();
@@ -195,7 +197,8 @@ fn names_variable(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> bool {
     }
 }
 
-/// Refuses a steady value that is no number, or an action's outside of its bounds, as far as it is known.
+/// Refuses a steady value that is no number, or an action's outside of its bounds, as far as it is
+/// known.
 fn check_steady_value(l: &mut Lowering<'_, '_>, var: VarId, elements: Range<i64>, value: ExprId, span: Span) {
     let Some(x) = defaults::constant_value(l, value) else { return };
     let is_action = l.symbols.vars[var].role == Role::Action;
@@ -249,7 +252,8 @@ fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: 
     difference
 }
 
-/// Path of the instance, or of the array of instances, that an entry names: `col = 0` is of every state of it.
+/// Path of the instance, or of the array of instances, that an entry names: `col = 0` is of every
+/// state of it.
 pub(super) fn instances_named(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> Option<String> {
     let ExprKind::Name(name) = &target.kind else { return None };
     let symbol = l.symbols.lookup(scope, &name.text)?;
@@ -304,7 +308,8 @@ fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
     }
 }
 
-/// Starts that `initial` states. Those that a scenario asks for come last: they hold against all of the text.
+/// Starts that `initial` states. Those that a scenario asks for come last: they hold against all of
+/// the text.
 fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
     let mut set = Vec::new();
     let overlay = &l.input.options.overlay;
@@ -350,8 +355,8 @@ fn asked_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
     }
 }
 
-/// Reports a start value that reads what it sets, or elements that the same loop sets in its later passes: the declared values would be
-/// read, which are replaced.
+/// Reports a start value that reads what it sets, or elements that the same loop sets in its later
+/// passes: the declared values would be read, which are replaced.
 fn check_start(l: &mut Lowering<'_, '_>, value: ExprId, var: VarId, at: Affine, span: Span) {
     let passes: Vec<i64> = l.loops.frames.iter().map(|l| l.passes).collect();
     if !reads(l.exprs, value, var).iter().any(|&read| is_set_later(read, at, &passes)) {
@@ -381,8 +386,8 @@ impl SetElements {
     }
 }
 
-/// Reports a second `initial` of the same breadth of one variable or element in one block, one for a statement: the order of statements has no
-/// meaning.
+/// Reports a second `initial` of the same breadth of one variable or element in one block, one for
+/// a statement: the order of statements has no meaning.
 fn check_single(l: &mut Lowering<'_, '_>, set: &[SetElements]) {
     let mut statements: FastMap<(ScopeId, VarId, usize), (Span, bool)> = FastMap::default();
     for one in set {
@@ -407,7 +412,7 @@ fn check_single(l: &mut Lowering<'_, '_>, set: &[SetElements]) {
     }
 }
 
-/// What an `initial` statement says.
+/// Content of an `initial` statement.
 #[derive(Clone, Copy)]
 struct StartText<'s> {
     target: &'s Expr,
@@ -418,8 +423,8 @@ struct StartText<'s> {
     asked: bool,
 }
 
-/// One `initial` statement at one place: a scalar, an element, or a whole array. `None` where a number that is asked for stands in its place,
-/// which is set with the declarations.
+/// One `initial` statement at one place: a scalar, an element, or a whole array. `None` where a
+/// number that is asked for stands in its place, which is set with the declarations.
 #[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
 fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
     let StartText { target, random, value, clip, asked } = start;
@@ -488,7 +493,8 @@ fn reads(exprs: &Exprs, e: ExprId, var: VarId) -> Vec<Affine> {
     exprs.below([e]).filter_map(read).collect()
 }
 
-/// Returns `true` if the element `read` is the element `set`, or one that a later pass of the loops around sets.
+/// Returns `true` if the element `read` is the element `set`, or one that a later pass of the loops
+/// around sets.
 fn is_set_later(read: Affine, set: Affine, passes: &[i64]) -> bool {
     let ahead = read.offset - set.offset;
     if read.strides != set.strides {

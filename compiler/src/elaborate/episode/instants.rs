@@ -15,7 +15,7 @@ use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
 
-/// What runs at the instants of a step.
+/// Updates at the instants of a step.
 #[derive(Default)]
 pub(in crate::elaborate) struct Instants {
     /// At its start.
@@ -24,9 +24,9 @@ pub(in crate::elaborate) struct Instants {
     pub end: Program,
     /// At events.
     pub events: Vec<Program>,
-    /// Where the events are.
+    /// Places of the events.
     pub roots: Vec<Root>,
-    /// What runs at the start sets states.
+    /// True if updates at the start set states.
     pub start_resets: bool,
 }
 
@@ -78,7 +78,8 @@ pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, block
     let mut out = Instants::default();
     let mut assignments = Assignments::default();
     let mut drafts = Drafts { start: Draft::of_start(), end: Draft::default(), events: Vec::new() };
-    // Parts before the whole: what a component updates at the end of a step is seen by the `at end` of what it is used in.
+    // Parts before the whole: what a component updates at the end of a step is seen by the `at end`
+    // of what it is used in.
     let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
     inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(l.symbols.scopes[*scope].prefix.matches('.').count()));
     for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
@@ -92,7 +93,7 @@ pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, block
     out
 }
 
-/// What a statement of an instant assigns, and to what it may.
+/// Target of a statement of an instant, and the permitted targets.
 #[derive(Clone, Copy)]
 struct Assigned<'s> {
     target: &'s Expr,
@@ -316,7 +317,8 @@ pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, 
     Some((moving_clock(l, value), strict))
 }
 
-/// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the instant of the program.
+/// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the
+/// instant of the program.
 pub(in crate::elaborate) fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
     let (builtins, at) = (l.hidden.builtins, Affine::constant(Builtin::Clock as i64));
     l.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {

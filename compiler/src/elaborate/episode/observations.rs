@@ -271,7 +271,7 @@ fn element_name(l: &mut Lowering<'_, '_>, symbol: SymbolId, index: &[Expr], plac
     })
 }
 
-/// What a binder stands for in a name.
+/// Value of a binder in a name.
 fn bound_label(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> String {
     match place.bound(&binder.name.text) {
         Some(Bound::Member(set, i)) => l.symbols.sets[*set].labels[*i].clone(),

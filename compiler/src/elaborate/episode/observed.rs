@@ -37,7 +37,7 @@ impl Observations {
     }
 }
 
-/// What an observation says beside its value.
+/// Clauses of an observation in addition to its value.
 pub(super) struct Attributes {
     pub bounds: Option<(f64, f64)>,
     pub every: u32,
@@ -136,7 +136,7 @@ fn noise(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> f64 
     0.0
 }
 
-/// How what is not constant noise is written.
+/// Text of noise that is not constant.
 const DRAWN: &str =
     "noise is added to what is observed, with mean zero; what is drawn otherwise can be a `disturbance` in the observed expression";
 

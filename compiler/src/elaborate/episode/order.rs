@@ -24,10 +24,10 @@ struct WritersOfOne {
     single: Vec<usize>,
 }
 
-/// Which nests write what. Of two that write the same element the later one holds, so that it has to follow; what follows the last of them
-/// follows all.
+/// Nests by the elements that they write. Of two that write the same element the later one holds,
+/// so that it has to follow; what follows the last of them follows all.
 struct Writers {
-    /// What each nest writes.
+    /// Elements that each nest writes.
     written: Vec<Vec<Element>>,
     of: FastMap<VarId, WritersOfOne>,
 }
@@ -57,7 +57,7 @@ impl Writers {
         Self { written, of }
     }
 
-    /// What a nest that reads some elements has to follow.
+    /// Nests that must precede one that reads some elements.
     fn needs(&self, i: usize, reads: &[Element]) -> Vec<usize> {
         let own = self.written[i].iter().flat_map(|&w| self.before(i, w));
         let read = reads.iter().flat_map(|&r| self.of_read(i, r));

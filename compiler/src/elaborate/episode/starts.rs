@@ -1,4 +1,5 @@
-//! Conditions at the start of an episode: `initial eq p = 2 [bar]`, `initial d/dt T = 0`, `initial steady for (T, c)`.
+//! Conditions at the start of an episode: `initial eq p = 2 [bar]`, `initial d/dt T = 0`, `initial
+//! steady for (T, c)`.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -22,7 +23,8 @@ struct Conditions {
     count: i64,
 }
 
-/// The program that gives left less right side of each condition, and what is known of each: one nest for each.
+/// The program that gives left less right side of each condition, and what is known of each: one
+/// nest for each.
 pub(in crate::elaborate) fn start_conditions<'a>(
     l: &mut Lowering<'_, 'a>,
     blocks: &[(ScopeId, Vec<Item<'a>>)],

@@ -1,4 +1,4 @@
-//! What binders run over.
+//! Ranges of binders.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
@@ -9,7 +9,7 @@ use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolKind, Symbols};
 use crate::ir::Role;
 
-/// What a binder runs over.
+/// Range of a binder.
 pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> Vec<BinderValue> {
     match &binder.over {
         BinderSet::Itself => l.naming().bindings_of_name(&binder.name, place),
@@ -90,7 +90,7 @@ fn numbers_between(l: &mut Lowering<'_, '_>, a: i64, b: i64, binder: &Binder) ->
     (a..=b).map(|i| BinderValue::One(Bound::Number(l.exprs.constant(i as f64)))).collect()
 }
 
-/// What an index of a declaration runs over (`i in species`, `z`, `k in 1..4`).
+/// Range of an index of a declaration (`i in species`, `z`, `k in 1..4`).
 pub(in crate::elaborate) fn index_over(l: &mut Lowering<'_, '_>, binder: &Binder, place: &Place) -> Option<IndexOver> {
     let set = match &binder.over {
         BinderSet::Set(name) => name,
@@ -131,7 +131,7 @@ fn index_over_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high:
     Some(IndexOver::New { name, low: a, high: b })
 }
 
-/// What an index of a declaration runs over.
+/// Range of an index of a declaration.
 pub(in crate::elaborate) enum IndexOver {
     /// A set or a domain that is declared.
     Axis(Axis),

@@ -10,19 +10,19 @@ use crate::ir::{BinaryFn, Flavour, ReduceFn, UnaryFn};
 pub struct Builtin {
     /// Its name.
     pub name: &'static str,
-    /// How it is written, for the book.
+    /// Usage, for the book.
     pub usage: &'static str,
-    /// What it means, in a line; equal lines are put together in the book.
+    /// Meaning, in one line; equal lines are merged in the book.
     pub meaning: &'static str,
     /// Arguments of a call; `None` where the call looks at them itself.
     pub(in crate::elaborate) arity: Option<usize>,
-    /// What a call is; `None` for what runs over a set only.
+    /// Kind of a call; `None` for reductions over a set only.
     pub(in crate::elaborate) call: Option<Call>,
-    /// What it is over a set, `sum(x for i in set)`.
+    /// Reduction over a set, `sum(x for i in set)`.
     pub(in crate::elaborate) over: Option<Over>,
 }
 
-/// What a call of a built-in function is.
+/// Kind of a call of a built-in function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::elaborate) enum Call {
     /// A function of a dimensionless number.
@@ -99,7 +99,7 @@ pub(in crate::elaborate) enum Distribution {
     Lognormal,
 }
 
-/// What a function is over a set.
+/// Reduction of a function over a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::elaborate) enum Over {
     /// A sum, product, minimum or maximum.

@@ -314,10 +314,10 @@ fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, s
     l.fault(d)
 }
 
-/// How an expression is read, where not for its value.
+/// Reading of an expression other than for its value.
 pub(in crate::elaborate) type Own = fn(&mut Lowering<'_, '_>, &Expr, &Place) -> Value;
 
-/// What a reading of its own makes of the definition of a name without a unit; `None` of other names.
+/// Result of a separate reading of the definition of a name without a unit; `None` for other names.
 pub(in crate::elaborate) fn read_definition(
     l: &mut Lowering<'_, '_>,
     symbol: SymbolId,

@@ -209,7 +209,7 @@ fn cell(l: &mut Lowering<'_, '_>, domain: DomainId, e: &Expr, place: &Place) -> 
     }
 }
 
-/// What the name of an index stands for: `None` where it stands for no cell, `Some(None)` where that was reported.
+/// Meaning of the name of an index: `None` if it is not a cell, `Some(None)` if that was reported.
 fn bound_cell(l: &mut Lowering<'_, '_>, domain: DomainId, name: &Ident, place: &Place) -> Option<Option<Bound>> {
     let (z, span) = (&name.text, name.span);
     match place.bound(z) {

@@ -124,7 +124,7 @@ fn patch(exprs: &mut Exprs, at: [ExprId; 2], ends: [(f64, f64); 2], grid: &Grid,
     tangents(exprs, &coefficients, number, [u, v], beyond)
 }
 
-/// Where the pieces along an axis begin.
+/// Starts of the pieces along an axis.
 fn starts(x: &[f64]) -> Vec<f64> {
     x[..x.len().max(2) - 1].to_vec()
 }

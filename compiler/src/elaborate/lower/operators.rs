@@ -22,7 +22,8 @@ pub(in crate::elaborate) fn unary(l: &mut Lowering<'_, '_>, op: UnaryOp, a: &Exp
     }
     match &v.unit {
         Measure::Truth => l.fault(Diagnostic::error(codes::WRONG_KIND, "the negative of a condition", a.span).help("write `not`")),
-        // A literal -5 in a declaration of degC is a number, but the negative of a temperature means nothing.
+        // A literal -5 in a declaration of degC is a number, but the negative of a temperature
+        // means nothing.
         Measure::Of(unit) if units::is_point(unit) && !matches!(a.kind, ExprKind::Number { .. }) => {
             let unit = unit.clone();
             l.values().point_fault(&unit, a.span)

@@ -154,7 +154,7 @@ fn domain_member(l: &mut Lowering<'_, '_>, base: &Expr, member: &str, place: &Pl
 }
 
 impl Symbols<'_> {
-    /// What to write for the end of a set of numbers, which has no `.last`.
+    /// Replacement for the end of a set of numbers, which has no `.last`.
     fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
         let ExprKind::Name(name) = &e.kind else { return None };
         let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };

@@ -1,4 +1,4 @@
-//! Where an expression stands, and what is bound there.
+//! Context of an expression: its place, and bound names.
 
 use std::rc::Rc;
 
@@ -9,22 +9,22 @@ use crate::elaborate::lower::value::Value;
 use crate::elaborate::symbols::{DomainId, ScopeId, SetId, SymbolId};
 use crate::ir::{Affine, ExprId};
 
-/// Where an expression stands, and what is bound there.
+/// Context of an expression: its place, and bound names.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
-    /// Where names are looked up.
+    /// Scope of names.
     pub scope: ScopeId,
-    /// What is bound.
+    /// Bound names.
     pub bindings: Option<Rc<Binding>>,
     /// Number of loops around.
     pub depth: u8,
     /// The face at which field values are taken, inside a flux.
     pub face: Option<Face>,
-    /// What kind of text it belongs to.
+    /// Kind of text.
     pub site: Site,
 }
 
-/// What kind of text an expression belongs to: decides which functions have a meaning.
+/// Kind of text of an expression, which determines the valid functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Site {
     /// Equations, `let`s, fluxes.
@@ -45,7 +45,7 @@ pub(crate) struct Binding {
     next: Option<Rc<Binding>>,
 }
 
-/// What a name is bound to.
+/// Binding of a name.
 #[derive(Clone, Debug)]
 pub(crate) enum Bound {
     /// A member of a set.
@@ -79,12 +79,12 @@ impl Place {
         place
     }
 
-    /// What is bound here, the innermost first.
+    /// Bindings, the innermost first.
     pub(in crate::elaborate) fn all_bound(&self) -> impl Iterator<Item = (&str, &Bound)> {
         std::iter::successors(self.bindings.as_deref(), |binding| binding.next.as_deref()).map(|b| (b.name.as_str(), &b.to))
     }
 
-    /// Which loops around count numbers, by bit.
+    /// Surrounding loops over numbers, by bit.
     pub(in crate::elaborate) fn runs(&self) -> u8 {
         self.all_bound().fold(0, |bits, (_, bound)| match bound {
             Bound::Run(Cell { along: Some(v), .. }) => bits | 1 << v.0,
@@ -92,7 +92,7 @@ impl Place {
         })
     }
 
-    /// What a name is bound to.
+    /// Binding of a name.
     pub(in crate::elaborate) fn bound(&self, name: &str) -> Option<&Bound> {
         self.all_bound().find(|(bound, _)| *bound == name).map(|(_, to)| to)
     }
@@ -128,7 +128,7 @@ pub(crate) enum BinderValue {
     Elements(SymbolId, i64),
 }
 
-/// What a path such as `R1.inlet` or `col[2].c` leads to.
+/// Target of a path such as `R1.inlet` or `col[2].c`.
 pub(crate) enum Target {
     /// A symbol.
     Symbol(SymbolId),

@@ -72,7 +72,7 @@ pub(crate) fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
     from.conversion_to(to).map(|c| (c.factor, c.offset))
 }
 
-/// What a unit measures, for messages.
+/// Dimension of a unit, for messages.
 pub(crate) fn describe(unit: &Unit) -> String {
     unit.describe()
 }
@@ -172,7 +172,7 @@ pub(crate) fn sides(left: &Unit, sl: Span, right: &Unit, sr: Span) -> Diagnostic
         .maybe_help(repair(right, left).map(|r| r.replace("it by", "the right side by")))
 }
 
-/// What would make `found` into `wanted`.
+/// Factor from `found` to `wanted`.
 fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
     if found.commensurable(wanted) {
         // Same dimension: one of them is a point on a scale.

@@ -23,7 +23,7 @@ pub(crate) enum Item<'a> {
     Other(&'a Statement),
 }
 
-/// Which variants are on and which options are chosen.
+/// Active variants and chosen options.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Selection {
     /// Option of each choice, `true` for a variant that is on.
@@ -138,7 +138,7 @@ pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     *base = result;
 }
 
-/// What a statement is known by: a statement of a variant replaces those of the same key.
+/// Key of a statement: a statement of a variant replaces those of the same key.
 #[derive(Debug, PartialEq, Eq, Hash)]
 enum Key<'a> {
     /// A declaration, by its name.

@@ -1,4 +1,4 @@
-//! Which variants are on and which options are chosen.
+//! Active variants and chosen options.
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
 use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
@@ -8,7 +8,7 @@ use crate::elaborate::reports::scenario_fault;
 use crate::elaborate::select::items::Selection;
 use crate::model::{Alternatives, Choice, Variant};
 
-/// What a model lets choose.
+/// Choices of a model.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Choices<'a> {
     /// Variants, by name.
@@ -17,14 +17,14 @@ pub(in crate::elaborate) struct Choices<'a> {
     choices: Vec<(&'a str, &'a [Ident])>,
 }
 
-/// What is chosen.
+/// Chosen options.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Chosen {
     /// Options and variants.
     pub selection: Selection,
     /// Settings that were choices.
     pub settings: Vec<String>,
-    /// What cannot be chosen.
+    /// Invalid choices.
     pub faults: Faults,
 }
 
@@ -62,7 +62,8 @@ impl<'a> Choices<'a> {
         self.choices.iter().find(|(name, _)| *name == choice).map(|(_, options)| *options)
     }
 
-    /// What the options ask for, with what is seen of it from outside (the levels of observation are not known here); unknown names are faults.
+    /// Selections of the options, with their public data (the levels of observation are not known
+    /// here); unknown names are faults.
     pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Alternatives) {
         let mut faults = Faults::default();
         files.iter().for_each(|file| self.check_whens(&file.statements, &mut faults));
@@ -88,7 +89,7 @@ impl<'a> Choices<'a> {
         self.choices.iter().map(shown).collect()
     }
 
-    /// What the options ask for; the first option of a choice where they ask for none.
+    /// Selections of the options; by default the first option of a choice.
     fn choose(&self, options: &Options) -> Chosen {
         let mut out = Chosen::default();
         for (name, options) in &self.choices {

@@ -1,4 +1,4 @@
-//! What is asked of the symbols.
+//! Queries of the symbols.
 
 use smpl_dsl::syntax::StatementKind;
 
@@ -8,7 +8,7 @@ use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Role, Var
 use crate::model;
 
 impl<'a> Symbols<'a> {
-    /// What an expression depends on that is no parameter, for messages.
+    /// Dependencies of an expression other than parameters, for messages.
     pub(in crate::elaborate) fn varying(&self, exprs: &Exprs, e: ExprId) -> Option<String> {
         exprs.below([e]).find_map(|e| match exprs.node(e) {
             Node::Time => Some(format!("the time `{}`", self.time_name)),

@@ -87,7 +87,7 @@ impl Tables<'_> {
         text.table(("int", "smpl_movables", "SMPL_MOVABLES"), &movables);
     }
 
-    /// What of `p` and `c` is kept up from instant to instant.
+    /// Elements of `p` and `c` that are updated from instant to instant.
     fn write_context(&self, text: &mut Text) {
         let sheet = self.parts.sheet;
         let (mut copies, mut builtins, mut givens) = (vec![], vec![], vec![]);

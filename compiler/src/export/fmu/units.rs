@@ -5,13 +5,13 @@ use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::StatementKind;
 use smpl_dsl::units::{BASES, OwnUnits, Unit, UnitKind, resolve};
 
-/// What a unit is in the SI.
+/// Unit in the SI.
 pub(super) struct Si {
     /// Base units with their exponents.
     pub exponents: Vec<(&'static str, i64)>,
-    /// What a number is multiplied with.
+    /// Factor of a number.
     pub factor: f64,
-    /// What is added then.
+    /// Offset.
     pub offset: f64,
 }
 
