@@ -11,6 +11,7 @@ mod choice;
 mod problem;
 mod report;
 mod search;
+mod trail;
 
 use crate::catalogue::Catalogue;
 use crate::interrupt::Pace;
@@ -18,9 +19,10 @@ use crate::system::CompiledSystem;
 use blocks::Block;
 pub use choice::{Conflict, Freed};
 use problem::Problem;
-pub use report::{StartEquation, StartFailure, StartUnknown, Tried};
+pub use report::{StartEquation, StartFailure, StartUnknown};
 use search::{Outcome, Search};
 use smpl_dsl::diagnostic::SourceMap;
+pub use trail::Tried;
 
 /// Reason why there is no start.
 #[derive(Clone, Debug, PartialEq)]

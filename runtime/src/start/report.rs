@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::blocks::Block;
 use super::problem::Problem;
-use super::search::Trail;
+use super::trail::{Trail, Tried};
 use crate::failure::{Short, unit_suffix};
 
 /// Unknowns and equations that a text shows.
@@ -57,21 +57,6 @@ pub struct StartEquation {
     pub text: String,
     /// Left less right side at the point with the smallest residuals.
     pub residual: f64,
-}
-
-/// One try.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tried {
-    /// Method and guess.
-    pub way: String,
-    /// Iterations.
-    pub iterations: u32,
-    /// Largest residual at its end.
-    pub residual: f64,
-    /// It found a solution, which is outside of the bounds.
-    pub solved: bool,
-    /// Place in `y` of the unknown at the end of its bounds, or outside.
-    pub at_bound: Option<usize>,
 }
 
 /// The report of a block, from the guess and the nearest point.

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::blocks::Block;
 use super::problem::Problem;
-use super::report::Tried;
+use super::trail::{Trail, Tried};
 use crate::interrupt::Pace;
 use crate::newton::{Equations, Try, newton};
 use crate::solver::linear::Factorisation;
@@ -27,20 +27,6 @@ pub(super) enum Outcome {
     Solved,
     Interrupted,
     Failed(Trail),
-}
-
-/// All that was tried.
-#[derive(Default)]
-pub(super) struct Trail {
-    pub tried: Vec<Tried>,
-    /// Solutions outside of the bounds.
-    pub outside: Vec<Vec<f64>>,
-    /// Point with the smallest equations, and that size.
-    pub nearest: Option<(f64, Vec<f64>)>,
-    /// The equations are not finite at the guess.
-    pub not_finite: bool,
-    /// Unknown whose column had no pivot at the guess.
-    pub singular: Option<usize>,
 }
 
 /// A block with working memory.

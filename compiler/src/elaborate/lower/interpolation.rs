@@ -3,14 +3,24 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Expr;
+use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::interpolation::{hermite, monotone_slopes, spline_slopes};
 use crate::elaborate::lower::place::Place;
-use crate::elaborate::lower::random_and_tables::table_argument;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, reads};
 use crate::elaborate::symbols::{Grid, Outside, SymbolId, SymbolKind};
 use crate::ir::{BinaryFn, ExprId, Exprs, Side};
+
+/// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless quantity is no time.
+pub(in crate::elaborate) fn table_argument(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, symbol: SymbolId, place: &Place) -> ExprId {
+    let (declared, path) = (l.symbols[symbol].span, l.symbols[symbol].path.clone());
+    let word = if matches!(l.symbols[symbol].kind, SymbolKind::Surface { .. }) { "argument" } else { "time" };
+    let what = format!("the {word} of `{path}`");
+    let taken = &mut |s: &mut Lowering<'_, '_>, v: Value, span: Span| s.values().strictly_or_bare(v, unit, span, &what, declared);
+    let t = l.declared_value(e, place, taken, unit);
+    l.values().strictly_or_bare(t, unit, e.span, &what, declared)
+}
 
 /// A curve through points: lines, or monotone cubic polynomials.
 pub(in crate::elaborate) fn curve(exprs: &mut Exprs, t: ExprId, points: &[(f64, f64)], cubic: bool, outside: Outside) -> ExprId {

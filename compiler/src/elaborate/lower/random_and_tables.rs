@@ -3,7 +3,6 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, TimeTableKind};
-use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::builtins::Distribution;
 use crate::elaborate::lower::place::Place;
@@ -103,7 +102,7 @@ pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, sym
     let SymbolKind::TimeTable { unit, time_unit, kind, outside, points } = l.symbols[symbol].kind.clone() else {
         return l.poison();
     };
-    let t = table_argument(l, argument, &time_unit, symbol, place);
+    let t = interpolation::table_argument(l, argument, &time_unit, symbol, place);
     let expr = match (kind, outside) {
         (TimeTableKind::Linear, Outside::Constant | Outside::Refused) => l.values().linear_table(t, &points),
         (TimeTableKind::Linear | TimeTableKind::Cubic, _) => {
@@ -117,16 +116,6 @@ pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, sym
         None => expr,
     };
     Value::of(expr, unit)
-}
-
-/// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless quantity is no time.
-pub(in crate::elaborate) fn table_argument(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, symbol: SymbolId, place: &Place) -> ExprId {
-    let (declared, path) = (l.symbols[symbol].span, l.symbols[symbol].path.clone());
-    let word = if matches!(l.symbols[symbol].kind, SymbolKind::Surface { .. }) { "argument" } else { "time" };
-    let what = format!("the {word} of `{path}`");
-    let taken = &mut |s: &mut Lowering<'_, '_>, v: Value, span: Span| s.values().strictly_or_bare(v, unit, span, &what, declared);
-    let t = l.declared_value(e, place, taken, unit);
-    l.values().strictly_or_bare(t, unit, e.span, &what, declared)
 }
 
 impl Values<'_> {
