@@ -190,6 +190,8 @@ pub enum RootAction {
     Run(u32),
     /// Only restarts the integration (a switch of an equation).
     Restart,
+    /// Ends the episode with the success of that index in [`Finish::successes`].
+    Succeed(u32),
 }
 
 /// Programs of the episode. In-place programs read and write `y` and the discrete variables.

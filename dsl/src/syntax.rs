@@ -56,8 +56,8 @@ pub enum StatementKind {
     Table(Table),
     /// `table Fs_recipe : L/h over time : h until { 3: 8, 12: 15 }`
     TimeTable(TimeTable),
-    /// `def arrhenius(k0, E, T) = k0 * exp(-E / T)`
-    Def { name: Ident, parameters: Vec<Ident>, body: Expr },
+    /// `def arrhenius(k0, E, T) = k0 * exp(-E / T)`, `def f(T) = { let th = T / 2; th^2 }`
+    Def { name: Ident, parameters: Vec<Parameter>, locals: Vec<Local>, body: Expr },
     /// `param`, `action`, `state`, `var`, `let`, `discrete`, `disturbance`, `random`
     Declare { role: Role, declarations: Vec<Declaration> },
     /// `eq lhs = rhs for i in species, z`
@@ -68,8 +68,8 @@ pub enum StatementKind {
     Flux(Flux),
     /// `connector Stream { Q : L/min, c[species] : mol/L }`
     Connector { name: Ident, members: Vec<Declaration> },
-    /// `component TubularReactor(n_cells = 40) { ... }`
-    Component { name: Ident, parameters: Vec<(Ident, Option<Expr>)>, text: Option<String>, body: Vec<Statement> },
+    /// `component TubularReactor(n_cells = 40) { ... }`, `component B extends A { ... }`
+    Component { name: Ident, parameters: Vec<(Ident, Option<Expr>)>, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
     /// `port inlet, outlet : Stream`
     Port { names: Vec<Ident>, connector: Ident },
     /// `use TubularReactor as R1(V = 2 [mL])`, `use Column as col[k in 1..2](...)`
@@ -89,13 +89,13 @@ pub enum StatementKind {
     /// `observe c_A, T` or `observe pH = -log10(H) in 0..16`
     Observe { items: Vec<Observation> },
     /// `level online "text" { observe ... }`: a named set of observations
-    Level { name: Ident, text: Option<String>, body: Vec<Statement> },
+    Level { name: Ident, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
     /// `reward setpoint : kg default = expr "text"`
     Reward { name: Ident, unit: Option<UnitExpr>, default: bool, value: Expr, text: Option<String> },
     /// `fail state_box when ...`, `fail empty event h <= 0 [m]`
     Fail { name: Ident, event: bool, condition: Expr, text: Option<String> },
-    /// `success finished when condition`
-    Success { name: Ident, condition: Expr, text: Option<String> },
+    /// `success finished when condition`, `success full event h >= 2 [m]`
+    Success { name: Ident, event: bool, condition: Expr, text: Option<String> },
     /// `constraint pool : g/L = expr <= limit`: a cost that ends nothing
     Constraint { name: Ident, condition: Expr, text: Option<String> },
     /// `invariant mass = expr rate expr`
@@ -123,11 +123,42 @@ pub enum StatementKind {
     /// A statement inside of `test`
     TestStep(TestStep),
     /// `variant vacuole_flux "text" { overriding statements }`
-    Variant { name: Ident, text: Option<String>, body: Vec<Statement> },
+    Variant { name: Ident, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
     /// `choice axial_scheme = central | downwind "text"`
     Choice { name: Ident, options: Vec<Ident>, text: Option<String> },
     /// `when axial_scheme = downwind { overriding statements }`
     When { choice: Ident, option: Ident, body: Vec<Statement> },
+}
+
+/// A parameter of a function.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Name as written.
+    pub name: Ident,
+    /// What it takes.
+    pub kind: ParameterKind,
+}
+
+/// Kinds of parameters of functions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ParameterKind {
+    /// `T`: a value
+    Value,
+    /// `y[s]`: an array
+    Array(Vec<Binder>),
+    /// `i in species`: an index
+    Index(Ident),
+}
+
+/// A name inside of a function: `let th : 1 = T / 300 [K]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Local {
+    /// Name as written.
+    pub name: Ident,
+    /// Unit, where given.
+    pub unit: Option<UnitExpr>,
+    /// Its definition.
+    pub value: Expr,
 }
 
 /// A statement of a test.

@@ -88,6 +88,7 @@ pub(crate) const CLAUSES: &[&str] = &[
     "until",
     "over",
     "cells",
+    "extends",
 ];
 
 /// First words of statements inside of a test, next to `expect` and the names of what it sets.

@@ -67,8 +67,8 @@ impl Declarer<'_> {
                 let arguments = ["x", "y"].iter().take(1 + usize::from(table.second_unit.is_some())).map(ToString::to_string).collect();
                 Symbol { unit: table.unit.clone(), arguments, ..named(&table.name, SymbolKind::TimeTable, &table.text) }
             }
-            StatementKind::Def { name, parameters, body } => {
-                let arguments = parameters.iter().map(|p| p.text.clone()).collect();
+            StatementKind::Def { name, parameters, body, .. } => {
+                let arguments = parameters.iter().map(|p| p.name.text.clone()).collect();
                 Symbol { arguments, value: Some(body.span), ..named(name, SymbolKind::Function, &None) }
             }
             StatementKind::Declare { role, declarations } => {
@@ -89,9 +89,10 @@ impl Declarer<'_> {
                 let kind = SymbolKind::Variable(Role::Var);
                 return members.iter().for_each(|d| self.declaration(d, kind, Some(connector)));
             }
-            StatementKind::Component { name, parameters, text, body } => {
+            StatementKind::Component { name, parameters, extends, text, body } => {
                 let arguments = parameters.iter().map(|(p, _)| p.text.clone()).collect();
-                let component = self.symbols.declare(Symbol { arguments, ..named(name, SymbolKind::Component, text) });
+                let of = extends.as_ref().map(|base| base.text.clone());
+                let component = self.symbols.declare(Symbol { arguments, of, ..named(name, SymbolKind::Component, text) });
                 for (parameter, value) in parameters {
                     let mut symbol = Symbol::new(&parameter.text, SymbolKind::Structural, Some(component), site(parameter, parameter.span));
                     symbol.value = value.as_ref().map(|e| e.span);
@@ -113,7 +114,7 @@ impl Declarer<'_> {
                 Symbol { of: Some(component.text.clone()), indices, ..named(name, SymbolKind::Instance, &None) }
             }
             StatementKind::Observe { items } => return items.iter().for_each(|item| self.observation(item, within)),
-            StatementKind::Level { name, text, body } => {
+            StatementKind::Level { name, text, body, .. } => {
                 self.symbols.declare(named(name, SymbolKind::Level, text));
                 return self.statements(body, within);
             }
@@ -125,7 +126,7 @@ impl Declarer<'_> {
             StatementKind::Policy { name, .. } => named(name, SymbolKind::Policy, &None),
             StatementKind::Event { name, text, .. } => named(name, SymbolKind::Event, text),
             StatementKind::Phase(phase) => named(&phase.name, SymbolKind::Phase, &None),
-            StatementKind::Variant { name, text, body } => {
+            StatementKind::Variant { name, text, body, .. } => {
                 self.symbols.declare(named(name, SymbolKind::Variant, text));
                 return self.statements(body, within);
             }

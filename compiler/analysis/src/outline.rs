@@ -142,7 +142,8 @@ fn expressions<'s>(statement: &'s Statement, visit: &mut dyn FnMut(&'s Expr)) {
                 walk([&d.value, &d.sample, &d.scale].into_iter().flatten().chain(bounds).collect());
             }
         }
-        StatementKind::Reward { value, .. } | StatementKind::Def { body: value, .. } => walk(vec![value]),
+        StatementKind::Reward { value, .. } => walk(vec![value]),
+        StatementKind::Def { body, locals, .. } => walk(locals.iter().map(|local| &local.value).chain([body]).collect()),
         StatementKind::Fail { condition, .. }
         | StatementKind::Success { condition, .. }
         | StatementKind::Constraint { condition, .. }

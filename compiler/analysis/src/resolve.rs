@@ -2,8 +2,8 @@
 
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Expect, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
-    TableCells, TablePoints, TestStep, UnitBase, UnitExpr,
+    Binder, BinderSet, Clip, Declaration, Expect, Expr, ExprKind, File, Ident, Observation, ParameterKind, SetMembers, Statement,
+    StatementKind, Table, TableCells, TablePoints, TestStep, UnitBase, UnitExpr,
 };
 use smpl_dsl::units::OwnUnits;
 
@@ -171,8 +171,32 @@ impl Resolver<'_> {
                     TablePoints::File { .. } => {}
                 }
             }
-            StatementKind::Def { parameters, body, .. } => {
-                parameters.iter().for_each(|p| self.local(p, SymbolKind::Argument, None));
+            StatementKind::Def { parameters, locals, body, .. } => {
+                for parameter in parameters {
+                    match &parameter.kind {
+                        ParameterKind::Value => self.local(&parameter.name, SymbolKind::Argument, None),
+                        ParameterKind::Index(set) => {
+                            self.global(set);
+                            self.local(&parameter.name, SymbolKind::Index, Some(set.text.clone()));
+                        }
+                        ParameterKind::Array(binders) => {
+                            // A set that is not declared stands for that of the argument.
+                            for set in binders.iter().map(|binder| if let BinderSet::Set(set) = &binder.over { set } else { &binder.name })
+                            {
+                                match self.out.symbols.lookup(self.within, &set.text) {
+                                    Some(symbol) => self.use_of(set.span, symbol),
+                                    None => self.local(set, SymbolKind::Argument, None),
+                                }
+                            }
+                            self.local(&parameter.name, SymbolKind::Argument, None);
+                        }
+                    }
+                }
+                for local in locals {
+                    local.unit.iter().for_each(|unit| self.unit(unit));
+                    self.expr(&local.value);
+                    self.local(&local.name, SymbolKind::Argument, None);
+                }
                 self.expr(body);
             }
             StatementKind::Declare { declarations, .. } => declarations.iter().for_each(|d| self.declaration(d)),
@@ -191,7 +215,10 @@ impl Resolver<'_> {
                 });
             }
             StatementKind::Connector { members, .. } => members.iter().for_each(|d| self.declaration(d)),
-            StatementKind::Component { name, parameters, body, .. } => {
+            StatementKind::Component { name, parameters, extends, body, .. } => {
+                extends.iter().for_each(|base| {
+                    self.global(base);
+                });
                 parameters.iter().filter_map(|(_, value)| value.as_ref()).for_each(|e| {
                     self.expr(e);
                 });
@@ -286,7 +313,12 @@ impl Resolver<'_> {
                 self.member(choice, option);
                 self.statements(body);
             }
-            StatementKind::Variant { body, .. } | StatementKind::Level { body, .. } | StatementKind::Test { body, .. } => {
+            StatementKind::Test { body, .. } => self.statements(body),
+            StatementKind::Variant { body, extends, .. } | StatementKind::Level { body, extends, .. } => {
+                // The level `default` is declared by what the file observes.
+                extends.iter().filter(|base| base.text != "default").for_each(|base| {
+                    self.global(base);
+                });
                 self.statements(body);
             }
             StatementKind::TestStep(step) => self.test_step(step),

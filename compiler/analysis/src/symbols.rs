@@ -191,7 +191,7 @@ pub struct Symbol {
     pub bounds: Option<(Span, Span)>,
     /// Names of arguments: of a function, of a component's structural parameters.
     pub arguments: Vec<String>,
-    /// Component of an instance, connector of a port, set of an index or of a table.
+    /// Component of an instance, connector of a port, set of an index or of a table, base of a component.
     pub of: Option<String>,
 }
 
@@ -245,7 +245,19 @@ impl Symbols {
     /// The symbol of a name in one scope; those that expressions use are a name space of their own.
     #[must_use]
     pub fn find(&self, within: Option<SymbolId>, value: bool, name: &str) -> Option<SymbolId> {
-        self.by_name.get(&(within, value))?.get(name).copied()
+        let own = |within| self.by_name.get(&(within, value)).and_then(|names| names.get(name).copied());
+        own(within).or_else(|| self.bases(within?).find_map(|base| own(Some(base))))
+    }
+
+    /// The components that a component extends, the nearest first.
+    fn bases(&self, component: SymbolId) -> impl Iterator<Item = SymbolId> {
+        const DEEPEST: usize = 32;
+        let base = |id: &SymbolId| {
+            let symbol = self.get(*id);
+            let name = symbol.of.as_ref().filter(|_| symbol.kind == SymbolKind::Component)?;
+            self.by_name.get(&(None, true))?.get(name).copied()
+        };
+        std::iter::successors(base(&component), base).take(DEEPEST)
     }
 
     /// The symbol that a name in an expression means, from a component outwards.
@@ -274,7 +286,9 @@ impl Symbols {
 
     /// Symbols of one scope, in the order of their declaration.
     pub fn members(&self, within: Option<SymbolId>) -> impl Iterator<Item = (SymbolId, &Symbol)> {
-        self.iter().filter(move |(_, symbol)| symbol.within == within && !symbol.kind.is_local())
+        let bases: Vec<SymbolId> = within.iter().flat_map(|id| self.bases(*id)).collect();
+        let inside = move |symbol: &Symbol| symbol.within == within || symbol.within.is_some_and(|id| bases.contains(&id));
+        self.iter().filter(move |(_, symbol)| inside(symbol) && !symbol.kind.is_local())
     }
 
     /// The scope that the members of a symbol are in: the component of an instance, the connector of a port, a set or choice itself.

@@ -17,7 +17,7 @@ use smpl_dsl::units::{OwnUnits, Unit};
 
 use crate::elaborate::declare::declarations::Turn;
 use crate::elaborate::declare::declaring::Declaring;
-use crate::elaborate::declare::instances::MAX_INSTANTIATED;
+use crate::elaborate::declare::instances::{Lineage, MAX_INSTANTIATED};
 use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
 use crate::elaborate::lower::{binders, units};
 use crate::elaborate::select::imports::gathered;
@@ -176,8 +176,9 @@ impl<'a> Declaring<'_, 'a> {
         match &statement.kind {
             StatementKind::Table(table) => self.declare_table(scope, table),
             StatementKind::TimeTable(table) => self.declare_time_table(scope, table),
-            StatementKind::Def { name, parameters, body } => {
-                self.declare(scope, name, SymbolKind::Def { parameters, body });
+            StatementKind::Def { name, parameters, locals, body } => {
+                self.work.ledger.check_members("parameters", parameters.iter().map(|parameter| &parameter.name));
+                self.declare(scope, name, SymbolKind::Def { parameters, locals, body });
             }
             StatementKind::Domain(domain) => self.declare_domain(scope, domain),
             StatementKind::Unit { name, .. } if scope != ScopeId::from_u32(0) => {
@@ -272,19 +273,24 @@ impl<'a> Declaring<'_, 'a> {
         let root = ScopeId::from_u32(0);
         let scope = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(root), names: Default::default() });
         self.instances.used_at.insert(scope, used);
-        let StatementKind::Component { name, parameters, body, .. } = &statement.kind else { return scope };
-        for (parameter, default) in parameters {
+        let StatementKind::Component { name, .. } = &statement.kind else { return scope };
+        let Lineage { parameters, bodies } = self.lineage(statement);
+        for (parameter, default) in parameters.iter().copied() {
             self.work.ledger.warn_of_name(parameter);
             let given = arguments.iter().find(|(a, _)| a.text == parameter.text).map(|(_, e)| e);
             if self.instances.samples.taken() && given.is_none() && default.is_none() {
-                let kind = self.symbols.sampled(scope, parameter, body);
+                let kind = self.symbols.sampled(scope, parameter, &bodies);
                 self.declare(scope, parameter, kind);
                 continue;
             }
             self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
         }
-        let list = items(body, &self.input.selection);
-        self.note_given(scope, (name, parameters), &list, arguments, outer);
+        let mut list = Vec::new();
+        for body in bodies {
+            let own = items(body, &self.input.selection);
+            if list.is_empty() { list = own } else { overlay(&mut list, own) }
+        }
+        self.note_given(scope, (name, &parameters), &list, arguments, outer);
         if self.may_instantiate(list.len(), used) {
             self.instances.open.push(&name.text);
             self.declare_block(scope, list, depth + 1);

@@ -10,6 +10,7 @@ pub(in crate::elaborate) mod builtins;
 pub(in crate::elaborate) mod cells;
 pub(in crate::elaborate) mod defaults;
 pub(in crate::elaborate) mod delays;
+pub(in crate::elaborate) mod definitions;
 pub(in crate::elaborate) mod expression;
 pub(in crate::elaborate) mod functions;
 pub(in crate::elaborate) mod indices;

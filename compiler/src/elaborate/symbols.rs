@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Phase, TimeTableKind};
+use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Local, Parameter, Phase, TimeTableKind};
 use smpl_dsl::units::{OwnUnits, Unit};
 
 use crate::ir::{FastMap, VarId};
@@ -70,7 +70,7 @@ pub(super) enum SymbolKind<'a> {
     /// A function of two quantities.
     Surface { unit: Unit, units: Rc<[Unit; 2]>, cubic: bool, outside: Outside, grid: Rc<Grid> },
     /// A function.
-    Def { parameters: &'a [Ident], body: &'a Expr },
+    Def { parameters: &'a [Parameter], locals: &'a [Local], body: &'a Expr },
     /// An index set.
     Set(SetId),
     /// A domain.

@@ -201,13 +201,17 @@ fn roots(at: &At<'_>, nodes: &Nodes, model: &Model) -> Result<Vec<Root>, ReadErr
                 does.only(&["fail"])?;
                 RootAction::Fail(does.field("fail")?.index(model.interface.finish.failures.len(), "failure")? as u32)
             }
+            Value::Object(_) if does.maybe("succeed")?.is_some() => {
+                does.only(&["succeed"])?;
+                RootAction::Succeed(does.field("succeed")?.index(model.interface.finish.successes.len(), "success")? as u32)
+            }
             Value::Object(_) => {
                 does.only(&["run"])?;
                 let run = does.field("run")?;
                 let number = run.text()?.strip_prefix("event ").and_then(|n| n.parse().ok());
                 RootAction::Run(number.ok_or_else(|| run.fault("expected `event` and the number of the program"))?)
             }
-            _ => return Err(does.fault("expected \"restart\", {\"fail\": NUMBER} or {\"run\": \"event NUMBER\"}")),
+            _ => return Err(does.fault("expected \"restart\", {\"fail\": NUMBER}, {\"succeed\": NUMBER} or {\"run\": \"event NUMBER\"}")),
         };
         Ok(Root {
             name: item.field("name")?.string()?,

@@ -218,6 +218,7 @@ fn action(action: RootAction) -> Value {
         RootAction::Fail(i) => json!({"fail": i}),
         RootAction::Run(i) => json!({"run": format!("event {i}")}),
         RootAction::Restart => json!("restart"),
+        RootAction::Succeed(i) => json!({"succeed": i}),
     }
 }
 

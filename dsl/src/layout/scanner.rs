@@ -249,10 +249,11 @@ impl<'t> Scanner<'t> {
             self.next_token = self.find_next_token(self.at);
         }
         let next = self.next_token;
-        if words::begins_statement(&self.text[next..]) {
+        let begins = words::begins_statement(&self.text[next..]) && !self.defines_a_local(next);
+        if begins {
             self.give_up_brackets(next);
         }
-        let continued = self.last.continues && !words::begins_statement(&self.text[next..]);
+        let continued = self.last.continues && !begins;
         let blank = match self.innermost() {
             Bracket::Round | Bracket::Square => true,
             _ => continued || words::continues_statement(&self.text[next..]) && !self.runs_a_test(next),
@@ -270,6 +271,12 @@ impl<'t> Scanner<'t> {
     fn runs_a_test(&self, next: usize) -> bool {
         let inside = |block: &OpenBlock| words::leading_word(&self.text[block.owner.start..]) == "test";
         words::leading_word(&self.text[next..]) == "for" && self.at_statement_level() && self.blocks.last().is_some_and(inside)
+    }
+
+    /// Returns whether a line is a `let` between the braces of a function.
+    fn defines_a_local(&self, next: usize) -> bool {
+        let function = self.pending.as_ref().is_some_and(|pending| &self.text[pending.keyword.clone()] == "def");
+        function && self.innermost() == Bracket::Entries && words::leading_word(&self.text[next..]) == "let"
     }
 
     /// Skips blanks, newlines and comments.

@@ -16,8 +16,8 @@ pub(super) fn rule(keyword: &str) -> Option<Rule> {
         "observe" => Rule::observe,
         "level" => Rule::level,
         "reward" => Rule::reward,
-        "fail" => Rule::fail,
-        "success" | "constraint" | "event" => Rule::conditional,
+        "fail" | "success" => Rule::fail,
+        "constraint" | "event" => Rule::conditional,
         "invariant" => Rule::invariant,
         "episode" | "solver" => Rule::settings,
         "policy" => Rule::policy,
@@ -35,10 +35,13 @@ pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec
         "initial" => initial(context, children),
         "steady" => steady(context, children),
         "observe" => Ok(StatementKind::Observe { items: observations(context, children)? }),
-        "level" => Ok(StatementKind::Level { name: children.name(context)?, text: children.text(), body }),
+        "level" => {
+            let (name, extends) = (children.name(context)?, super::statement::extends(context, &mut children)?);
+            Ok(StatementKind::Level { name, extends, text: children.text(), body })
+        }
         "reward" => reward(context, children),
-        "fail" => fail(context, children),
-        "success" | "constraint" | "event" => conditional(context, children),
+        "fail" | "success" => fail(context, children),
+        "constraint" | "event" => conditional(context, children),
         "invariant" => invariant(context, children),
         "episode" => Ok(StatementKind::Episode { entries: arguments(context, children)? }),
         "solver" => Ok(StatementKind::Solver { entries: arguments(context, children)? }),
@@ -147,7 +150,12 @@ fn fail(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
     let event = children.skip(Rule::kw_event);
     children.skip(Rule::kw_when);
     let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
-    Ok(StatementKind::Fail { name, event, condition, text: children.text() })
+    let text = children.text();
+    Ok(if context.keyword == "fail" {
+        StatementKind::Fail { name, event, condition, text }
+    } else {
+        StatementKind::Success { name, event, condition, text }
+    })
 }
 
 fn conditional(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -156,7 +164,6 @@ fn conditional(context: &Context<'_>, mut children: Children<'_>) -> Fallible<St
     let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
     let text = children.text();
     Ok(match context.keyword {
-        "success" => StatementKind::Success { name, condition, text },
         "event" => StatementKind::Event { name, condition, text },
         _ => StatementKind::Constraint { name, condition, text },
     })

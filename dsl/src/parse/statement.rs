@@ -7,7 +7,7 @@ use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, declaration, expression, problem, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::syntax::{Domain, Expr, Flux, Ident, Role, Statement, StatementKind};
+use crate::syntax::{Domain, Expr, Flux, Ident, Local, Parameter, ParameterKind, Role, Statement, StatementKind};
 
 /// The rule that reads the rest of a statement behind its keyword.
 pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
@@ -79,7 +79,10 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
         "port" => port(context, children),
         "connect" => connect(context, children),
         "choice" => choice(context, children),
-        "variant" => Ok(StatementKind::Variant { name: children.name(context)?, text: children.text(), body }),
+        "variant" => {
+            let (name, extends) = (children.name(context)?, extends(context, &mut children)?);
+            Ok(StatementKind::Variant { name, extends, text: children.text(), body })
+        }
         "test" => super::test::test(context, children, body),
         "when" => when(context, children, body),
         _ => problem::lower(context, children, body),
@@ -120,9 +123,49 @@ fn own_unit(context: &Context<'_>, mut children: Children<'_>) -> Fallible<State
 
 fn def(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
     let name = children.name(context)?;
-    let parameters = table::names(context, children.expect(context, Rule::parameters)?)?;
+    let parameters = children.expect(context, Rule::parameters)?.into_inner();
+    let parameters = parameters.map(|pair| parameter(context, Children::new(pair))).collect::<Fallible<_>>()?;
     children.skip(Rule::equals);
-    Ok(StatementKind::Def { name, parameters, body: expression::expr(context, children.expect(context, Rule::expr)?)? })
+    let Some(block) = children.take(Rule::def_block) else {
+        let body = expression::expr(context, children.expect(context, Rule::expr)?)?;
+        return Ok(StatementKind::Def { name, parameters, locals: Vec::new(), body });
+    };
+    let mut children = Children::new(block);
+    children.skip(Rule::open);
+    let mut locals = Vec::new();
+    while let Some(pair) = children.take(Rule::local) {
+        locals.push(local(context, Children::new(pair))?);
+    }
+    Ok(StatementKind::Def { name, parameters, locals, body: expression::expr(context, children.expect(context, Rule::expr)?)? })
+}
+
+fn parameter(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Parameter> {
+    let name = children.name(context)?;
+    let kind = if children.skip(Rule::kw_in) {
+        ParameterKind::Index(children.name(context)?)
+    } else {
+        match declaration::indices(context, &mut children)? {
+            indices if indices.is_empty() => ParameterKind::Value,
+            indices => ParameterKind::Array(indices),
+        }
+    };
+    Ok(Parameter { name, kind })
+}
+
+fn local(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Local> {
+    children.skip(Rule::kw_let);
+    let name = children.name(context)?;
+    let unit = unit::declared(context, &mut children)?;
+    children.skip(Rule::equals);
+    Ok(Local { name, unit, value: expression::expr(context, children.expect(context, Rule::expr)?)? })
+}
+
+/// `extends A`
+pub(super) fn extends(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<Ident>> {
+    let Some(pair) = children.take(Rule::extends) else { return Ok(None) };
+    let mut inner = Children::new(pair);
+    inner.skip(Rule::kw_extends);
+    inner.name(context).map(Some)
 }
 
 fn equation(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -199,7 +242,8 @@ fn flux(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
 fn component(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
     let name = children.name(context)?;
     let parameters = children.take(Rule::structural).map_or_else(|| Ok(Vec::new()), |pair| structural(context, pair))?;
-    Ok(StatementKind::Component { name, parameters, text: children.text(), body })
+    let extends = extends(context, &mut children)?;
+    Ok(StatementKind::Component { name, parameters, extends, text: children.text(), body })
 }
 
 fn structural(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<(Ident, Option<Expr>)>> {

@@ -17,6 +17,8 @@ pub(super) enum Outcome {
     Completed,
     /// At an event that is a failure, by its index.
     Event(u32),
+    /// At an event that is a success, by its index.
+    Success(u32),
     /// Time at which events follow one another without end.
     Chatter,
     /// Place of an update whose state or discrete variable is not finite.
@@ -269,7 +271,16 @@ impl Environment {
             let (model, memory) = self.system.parts();
             model.prepare_step(memory);
         }
-        failure.map(Outcome::Event)
+        failure.map(Outcome::Event).or_else(|| self.fired_success().map(Outcome::Success))
+    }
+
+    /// The first success among the events that fired.
+    fn fired_success(&self) -> Option<u32> {
+        let fired = self.integrator.events().iter().zip(self.setup.model().roots_info());
+        fired.into_iter().find_map(|(&fired, root)| match root.action {
+            RootAction::Succeed(success) if fired > 0 => Some(success),
+            _ => None,
+        })
     }
 
     /// The first failure among the events that fired.

@@ -91,7 +91,9 @@ impl Environment {
     pub(super) fn note_events(&mut self, t: f64) {
         let Some(trace) = self.trace.as_mut() else { return };
         let roots = self.setup.model().roots_info().iter().zip(self.integrator.events());
-        let runs = roots.enumerate().filter(|(_, (root, fired))| **fired > 0 && !matches!(root.action, RootAction::Fail(_)));
+        let runs = roots
+            .enumerate()
+            .filter(|(_, (root, fired))| **fired > 0 && !matches!(root.action, RootAction::Fail(_) | RootAction::Succeed(_)));
         trace.events.extend(runs.map(|(index, _)| (t, index)));
     }
 }

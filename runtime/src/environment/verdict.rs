@@ -19,10 +19,13 @@ impl Environment {
             self.progress.verdict.solver_failure = None;
         }
         self.progress.verdict.action_excess = excess;
-        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun);
+        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun | Outcome::Success(_));
+        let succeeded = if let Outcome::Success(index) = outcome { Some(index as usize) } else { None };
+        let failed = f64::from(u8::from(excess > 0.0 || ended_inside));
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
         self.set_builtins([
-            (Builtin::Failed, f64::from(u8::from(excess > 0.0 || ended_inside))),
+            // A success at its event is -1.
+            (Builtin::Failed, if failed == 0.0 && succeeded.is_some() { -1.0 } else { failed }),
             (Builtin::ActionExcess, excess),
             (Builtin::LastStep, f64::from(u8::from(last_step))),
         ]);
@@ -35,7 +38,7 @@ impl Environment {
         if self.progress.not_finite.is_some() {
             failure = Some(Failure::NotFinite);
         }
-        let result = self.conclude(failure, last_step);
+        let result = self.conclude(failure, succeeded, last_step);
         self.progress.verdict.last = Some(result);
         result
     }
@@ -120,7 +123,7 @@ impl Environment {
     }
 
     /// Rewards, flags and observation of a step whose failure is known; counts the step.
-    fn conclude(&mut self, failure: Option<Failure>, last_step: bool) -> StepResult {
+    fn conclude(&mut self, failure: Option<Failure>, succeeded: Option<usize>, last_step: bool) -> StepResult {
         let episode = &self.setup.model().interface().episode;
         let (error_reward, end_is_success, alone) = (episode.error_reward, episode.end_is_success, episode.failure_pays_alone);
         if failure.is_some() {
@@ -129,7 +132,7 @@ impl Environment {
         // A limit below the model's own cuts the batch short.
         let whole = last_step && self.setup.max_steps >= episode.max_steps && end_is_success;
         let conditions = self.finish.part(Part::Successes).iter();
-        let met = conditions.clone().position(|x| *x == 1.0).or(whole.then_some(conditions.len()));
+        let met = succeeded.or_else(|| conditions.clone().position(|x| *x == 1.0)).or(whole.then_some(conditions.len()));
         let success = failure.is_none() && met.is_some();
         self.progress.verdict.met = met.filter(|_| success).map(|met| met as u32);
         let terminated = failure.is_some() || success;

@@ -10,7 +10,7 @@ use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident, Statement, Stat
 use crate::elaborate::episode::check_level;
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::place::{Bound, Place, Site};
-use crate::elaborate::lower::{Lowering, binders, nests, units};
+use crate::elaborate::lower::{Lowering, binders, definitions, nests, units};
 use crate::elaborate::select::items::{Item, items};
 use crate::elaborate::space::flux;
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
@@ -68,13 +68,17 @@ fn check_symbol<'a>(l: &mut Lowering<'_, 'a>, symbol: SymbolId, kind: SymbolKind
             let element = Expr { span, kind: ExprKind::Index(base, flux.indices.iter().map(index_of).collect()) };
             nests::nest(l, &flux.indices, &place, &mut |s, inner| flux::divergence(s, span, &element, inner));
         }
-        SymbolKind::Def { parameters, body } => {
+        SymbolKind::Def { parameters, locals, body } => {
             let mut place = Place::new(scope, Site::Instant);
             for parameter in parameters {
-                place = place.bind(&parameter.text, Bound::Value(l.poison()));
+                let sets = definitions::generic_sets(l, &parameter.kind, scope);
+                for name in std::iter::once(&parameter.name).chain(sets) {
+                    place = place.bind(&name.text, Bound::Value(l.poison()));
+                }
             }
             l.expansions.enter(symbol);
             let before = l.ledger.reports.diagnostics.len();
+            let place = definitions::with_locals(l, locals, place);
             l.value(body, &place);
             l.expansions.leave();
             // Where it is called from decides which functions have a meaning.
@@ -127,15 +131,31 @@ fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> 
         BinderSet::Range(..) | BinderSet::Tuple(_) => return false,
     };
     l.instances.components.values().any(|component| {
-        let StatementKind::Component { parameters, body, .. } = &component.kind else { return false };
+        let bodies = with_bases(l, component);
         let declares = |s: &Statement| match &s.kind {
             StatementKind::Domain(domain) => domain.name.text == over.text,
             StatementKind::Set { name, .. } => name.text == over.text,
             _ => false,
         };
         let has_port = |s: &Statement| matches!(&s.kind, StatementKind::Port { connector: of, .. } if of.text == connector.text);
-        anywhere(body, &has_port) && (parameters.iter().any(|(p, _)| p.text == over.text) || anywhere(body, &declares))
+        let any = |is_so: &dyn Fn(&Statement) -> bool| bodies.iter().any(|(_, body)| anywhere(body, is_so));
+        any(&has_port) && (bodies.iter().any(|(parameters, _)| parameters.iter().any(|(p, _)| p.text == over.text)) || any(&declares))
     })
+}
+
+/// Structural parameters and body of a component.
+type Part<'a> = (&'a [(Ident, Option<Expr>)], &'a [Statement]);
+
+/// A component and those that it extends.
+fn with_bases<'a>(l: &Lowering<'_, 'a>, component: &'a Statement) -> Vec<Part<'a>> {
+    const DEEPEST: usize = 32;
+    let (mut out, mut at) = (Vec::new(), Some(component));
+    while let Some(Statement { kind: StatementKind::Component { parameters, extends, body, .. }, .. }) = at.filter(|_| out.len() < DEEPEST)
+    {
+        out.push((parameters.as_slice(), body.as_slice()));
+        at = extends.as_ref().and_then(|base| l.instances.components.get(base.text.as_str()).copied());
+    }
+    out
 }
 
 /// Returns `true` if a statement of a component is so, in whatever choice.

@@ -20,7 +20,47 @@ const MAX_COMPONENT_DEPTH: usize = 32;
 /// Most declarations and equations that instances of components make together.
 pub(in crate::elaborate::declare) const MAX_INSTANTIATED: usize = 300_000;
 
+/// A component with all that it extends.
+pub(in crate::elaborate::declare) struct Lineage<'a> {
+    /// Structural parameters, those of the bases first.
+    pub parameters: Vec<&'a (Ident, Option<Expr>)>,
+    /// Bodies, that of the last base first.
+    pub bodies: Vec<&'a [Statement]>,
+}
+
 impl<'a> Declaring<'_, 'a> {
+    /// A component with all that it extends; reports bases that do not exist or extend each other.
+    pub(in crate::elaborate::declare) fn lineage(&mut self, statement: &'a Statement) -> Lineage<'a> {
+        let mut out = Lineage { parameters: Vec::new(), bodies: Vec::new() };
+        let (mut at, mut seen) = (Some(statement), Vec::new());
+        while let Some(statement) = at.take() {
+            let StatementKind::Component { name, parameters, extends, body, .. } = &statement.kind else { break };
+            seen.push(&name.text);
+            out.bodies.insert(0, body.as_slice());
+            let own = parameters.iter().filter(|(p, _)| !out.parameters.iter().any(|(known, _)| known.text == p.text)).collect::<Vec<_>>();
+            out.parameters.splice(0..0, own);
+            let Some(base) = extends else { break };
+            if seen.contains(&&base.text) {
+                let message = format!("the component `{}` extends itself", base.text);
+                self.work.ledger.report(Diagnostic::error(codes::CYCLIC_DEFINITION, message, base.span));
+                break;
+            }
+            at = self.instances.components.get(base.text.as_str()).copied();
+            match at {
+                // What others extend need not be whole by itself.
+                Some(_) => {
+                    self.instances.used.insert(&base.text);
+                }
+                None => {
+                    let help = self.work.ledger.reports.did_you_mean(&base.text, self.instances.components.keys().copied());
+                    let message = format!("unknown component `{}`", base.text);
+                    self.work.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, message, base.span).maybe_help(help));
+                }
+            }
+        }
+        out
+    }
+
     pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
         let Some(StatementKind::Connector { members, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
             let help = self.work.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
@@ -95,7 +135,7 @@ impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate::declare) fn note_given(
         &mut self,
         scope: ScopeId,
-        (component, structural): (&Ident, &[(Ident, Option<Expr>)]),
+        (component, structural): (&Ident, &[&(Ident, Option<Expr>)]),
         list: &[Item<'a>],
         arguments: &'a [(Ident, Expr)],
         outer: &Place,
@@ -164,8 +204,8 @@ impl<'a> Declaring<'_, 'a> {
 
 impl<'a> Symbols<'a> {
     /// Kind of a structural parameter in a sample: a set where something runs over it, else a number.
-    pub(in crate::elaborate) fn sampled(&self, scope: ScopeId, name: &Ident, body: &[Statement]) -> SymbolKind<'a> {
-        if !body.iter().any(|s| runs_over(s, &name.text)) {
+    pub(in crate::elaborate) fn sampled(&self, scope: ScopeId, name: &Ident, bodies: &[&[Statement]]) -> SymbolKind<'a> {
+        if !bodies.iter().copied().flatten().any(|s| runs_over(s, &name.text)) {
             return SymbolKind::Integer(SAMPLE as i64);
         }
         // The set that it stands for mostly has its name.

@@ -5,7 +5,7 @@ use smpl_dsl::syntax::{Expr, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::boxes::failing;
-use crate::elaborate::episode::common::{Condition, each, flag, store};
+use crate::elaborate::episode::common::{Condition, builtin, each, flag, store};
 use crate::elaborate::episode::instants::{moving_clock, root_of};
 use crate::elaborate::episode::observations::observations;
 use crate::elaborate::episode::rewards::rewards;
@@ -94,9 +94,14 @@ fn declared_ends<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>
                 failure(l, scope, statement, count, &mut ends);
                 count += 1;
             }
-            StatementKind::Success { name, condition, .. } => {
-                let holds = l.condition(condition, &Place::new(scope, Site::Instant));
-                ends.successes.push((l.symbols.path_of(scope, name), holds));
+            StatementKind::Success { name, event, condition, .. } => {
+                let (name, place) = (l.symbols.path_of(scope, name), Place::new(scope, Site::Instant));
+                let holds = l.condition(condition, &place);
+                if *event && let Some((value, strict)) = root_of(l, condition, &place) {
+                    let action = RootAction::Succeed(ends.successes.len() as u32);
+                    ends.roots.push(Root { name: name.clone(), value, strict, action });
+                }
+                ends.successes.push((name, holds));
             }
             _ => {}
         }
@@ -174,6 +179,12 @@ fn outcome(l: &mut Lowering<'_, '_>, ends: &Ends<'_>, end_is_success: bool) -> O
     let mut success = l.exprs.truth(false);
     for (_, holds) in &ends.successes {
         success = l.exprs.or(success, *holds);
+    }
+    if ends.roots.iter().any(|root| matches!(root.action, RootAction::Succeed(_))) {
+        // The condition itself may not hold yet at the instant at which the step stopped for it.
+        let (failed, half) = (builtin(l, Builtin::Failed), l.exprs.constant(-0.5));
+        let stopped = l.exprs.compare(Compare::Lt, failed, half);
+        success = l.exprs.or(success, stopped);
     }
     let last = flag(l, Builtin::LastStep);
     if end_is_success {

@@ -15,7 +15,7 @@ use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::{Lowering, indices, nests, paths, units};
-use crate::elaborate::select::items::{Item, items};
+use crate::elaborate::select::items::{Item, items, overlay};
 use crate::elaborate::symbols::{ScopeId, SymbolId, SymbolKind};
 use crate::ir::{Affine, ExprId};
 use crate::model::{Observed, Quantity};
@@ -28,21 +28,15 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
         |item: &Item<'_>| matches!(item, Item::Other(Statement { kind: StatementKind::Level { name, .. }, .. }) if name.text == "full");
     // A level `full` of the text is that and nothing else.
     let is_own = wanted == "full" && each(blocks).any(|(_, item)| is_full(&item));
-    for (scope, item) in each(blocks) {
-        match item {
-            Item::Observe(o) if wanted == "default" || wanted == "full" && !is_own => chosen.push((scope, o)),
-            Item::Other(Statement { kind: StatementKind::Level { name, body, .. }, .. }) => {
-                levels.push(name.text.clone());
-                if name.text == wanted {
-                    for item in items(body, &l.input.selection) {
-                        if let Item::Observe(o) = item {
-                            chosen.push((scope, o));
-                        }
-                    }
-                }
-            }
-            _ => {}
+    let bases = level_bases(l, blocks);
+    let chain = level_chain(if wanted == "full" && !is_own { "default" } else { &wanted }, &bases);
+    for (scope, items_of) in blocks {
+        levels.extend(items_of.iter().filter_map(level).map(|(name, _)| name.text.clone()));
+        let mut own = Vec::new();
+        for name in chain.iter().rev() {
+            overlay(&mut own, observed_at(l, items_of, name));
         }
+        chosen.extend(own.iter().filter_map(|item| if let Item::Observe(o) = item { Some((*scope, *o)) } else { None }));
     }
     if !levels.iter().any(|l| l == "full") {
         levels.push("full".to_owned());
@@ -71,6 +65,58 @@ pub(in crate::elaborate) fn observations<'a>(l: &mut Lowering<'_, 'a>, blocks: &
         out.levels = levels;
     }
     out
+}
+
+/// Name and body of a level.
+fn level<'a>(item: &Item<'a>) -> Option<(&'a Ident, &'a [Statement])> {
+    match item {
+        Item::Other(Statement { kind: StatementKind::Level { name, body, .. }, .. }) => Some((name, body)),
+        _ => None,
+    }
+}
+
+/// The levels that extend another one, with its name; reports bases that do not exist or extend each other.
+fn level_bases<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> FxHashMap<&'a str, &'a Ident> {
+    let mut bases: FxHashMap<&'a str, &'a Ident> = FxHashMap::default();
+    for (_, item) in each(blocks) {
+        if let Item::Other(Statement { kind: StatementKind::Level { name, extends: Some(base), .. }, .. }) = item {
+            bases.insert(&name.text, base);
+        }
+    }
+    let known: Vec<&str> =
+        each(blocks).filter_map(|(_, item)| level(&item)).map(|(name, _)| name.text.as_str()).chain(["default"]).collect();
+    let mut faults: Vec<Diagnostic> = Vec::new();
+    for (name, base) in &bases {
+        if !known.contains(&base.text.as_str()) {
+            let message = format!("unknown level `{}`", base.text);
+            let near = did_you_mean(&base.text, known.iter().copied());
+            let help = near.unwrap_or_else(|| format!("a level extends one of {}", known.join(", ")));
+            faults.push(Diagnostic::error(codes::UNKNOWN_NAME, message, base.span).help(help));
+        } else if level_chain(&base.text, &bases).contains(name) {
+            let message = format!("the level `{name}` extends itself");
+            faults.push(Diagnostic::error(codes::CYCLIC_DEFINITION, message, base.span));
+        }
+    }
+    faults.into_iter().for_each(|fault| l.ledger.report(fault));
+    bases
+}
+
+/// A level and those that it extends, the nearest first.
+fn level_chain<'n>(name: &'n str, bases: &FxHashMap<&'n str, &'n Ident>) -> Vec<&'n str> {
+    let mut chain = vec![name];
+    while let Some(base) = bases.get(chain[chain.len() - 1]).filter(|base| !chain.contains(&base.text.as_str())) {
+        chain.push(&base.text);
+    }
+    chain
+}
+
+/// What the items of a block observe at a level.
+fn observed_at<'a>(l: &Lowering<'_, 'a>, items_of: &[Item<'a>], wanted: &str) -> Vec<Item<'a>> {
+    if wanted == "default" {
+        return items_of.iter().copied().filter(|item| matches!(item, Item::Observe(_))).collect();
+    }
+    let bodies = items_of.iter().filter_map(level).filter(|(name, _)| name.text == wanted);
+    bodies.flat_map(|(_, body)| items(body, &l.input.selection)).filter(|item| matches!(item, Item::Observe(_))).collect()
 }
 
 /// Refuses observations of one name, whatever their texts are: tables and data sets tell them by it.

@@ -141,6 +141,17 @@ pub(in crate::elaborate) enum IndexOver {
 
 impl<'a> Naming<'_, 'a> {
     fn bindings_of_name(&mut self, name: &Ident, place: &Place) -> Vec<BinderValue> {
+        match place.bound(&name.text) {
+            Some(&Bound::Axis(Axis::Set(set))) => {
+                return (0..self.symbols.sets[set].labels.len()).map(|i| BinderValue::One(Bound::Member(set, i))).collect();
+            }
+            Some(&Bound::Axis(Axis::Domain(domain))) => {
+                return vec![BinderValue::Cells(domain, 0, self.symbols.domains[domain].cells - 1)];
+            }
+            // The set of an array that is not known in a function that nothing calls.
+            Some(Bound::Value(v)) if v.is_poison() => return Vec::new(),
+            _ => {}
+        }
         let Some(symbol) = self.symbols.lookup(place.scope, &name.text) else {
             if let Some(set) = self.symbols.sets.values().find(|s| s.position(&name.text).is_some()) {
                 let set = set.name.clone();

@@ -260,6 +260,10 @@ fn unknown_name(l: &mut Lowering<'_, '_>, name: &Ident, scope: ScopeId) -> Value
 fn bound_value(l: &mut Lowering<'_, '_>, span: Span, name: &str, bound: &Bound, place: &Place) -> Value {
     match bound {
         Bound::Value(v) => v.clone(),
+        Bound::Axis(_) => {
+            let message = format!("`{name}` is a set; use a member as an index");
+            l.fault(Diagnostic::error(codes::WRONG_KIND, message, span))
+        }
         Bound::Number(e) => Value::bare(*e),
         Bound::Run(numbers) => l.values().run_value(*numbers),
         Bound::Member(set, index) => match l.symbols.sets[*set].first {

@@ -10,16 +10,16 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, boxes, delays, interpolation, operators, random_and_tables, units};
+use crate::elaborate::lower::{Lowering, boxes, definitions, delays, interpolation, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
-use crate::elaborate::symbols::{SymbolId, SymbolKind};
+use crate::elaborate::symbols::SymbolKind;
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
 
 /// `f(a, b)`
 pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function: &Ident, arguments: &[Expr], place: &Place) -> Value {
     if let Some(symbol) = l.symbols.lookup(place.scope, &function.text) {
         match l.symbols[symbol].kind.clone() {
-            SymbolKind::Def { parameters, body } => return expand_def(l, span, symbol, parameters, body, arguments, place),
+            SymbolKind::Def { .. } => return definitions::expand(l, span, symbol, arguments, place),
             SymbolKind::TimeTable { .. } => return random_and_tables::time_table(l, span, symbol, arguments, place),
             SymbolKind::Surface { .. } => return interpolation::surface(l, span, symbol, arguments, place),
             SymbolKind::Faulty => return l.poison(),
@@ -95,54 +95,6 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
     let message = if over_sets { format!("`{name}` runs over a set, here is none") } else { format!("unknown function `{name}`") };
     let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
     l.fault(d)
-}
-
-fn expand_def(
-    l: &mut Lowering<'_, '_>,
-    span: Span,
-    symbol: SymbolId,
-    parameters: &[Ident],
-    body: &Expr,
-    arguments: &[Expr],
-    place: &Place,
-) -> Value {
-    if !l.ledger.may_write_out(span) {
-        return l.poison();
-    }
-    let path = l.symbols[symbol].path.clone();
-    if parameters.len() != arguments.len() {
-        let declared = l.symbols[symbol].span;
-        return l.fault(
-            Diagnostic::error(
-                codes::WRONG_ARGUMENTS,
-                format!("`{path}` takes {} arguments, not {}", parameters.len(), arguments.len()),
-                span,
-            )
-            .secondary(declared, "declared here"),
-        );
-    }
-    if l.expansions.is_open(symbol) {
-        let declared = l.symbols[symbol].span;
-        let chain = l.expansions.cycle(symbol, l.symbols);
-        return l.fault(
-            Diagnostic::error(codes::CYCLIC_DEFINITION, format!("`{path}` calls itself{chain}"), declared)
-                .help("functions are expanded where they are called, so none can call itself"),
-        );
-    }
-    let mut inner = place.clone();
-    inner.scope = l.symbols[symbol].scope;
-    inner.bindings = None;
-    for (parameter, argument) in parameters.iter().zip(arguments) {
-        let v = l.value(argument, place);
-        inner = inner.bind(&parameter.text, Bound::Value(v));
-    }
-    l.expansions.note_use(symbol);
-    l.expansions.enter(symbol);
-    l.ledger.reports.calls.push(span);
-    let v = l.value(body, &inner);
-    l.ledger.reports.calls.pop();
-    l.expansions.leave();
-    v
 }
 
 fn elementary(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {

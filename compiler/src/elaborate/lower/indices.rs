@@ -89,6 +89,26 @@ pub(in crate::elaborate) fn address(
     Some((at, bounds))
 }
 
+/// What an index along an axis is bound to.
+pub(in crate::elaborate) fn bound_index(l: &mut Lowering<'_, '_>, axis: Axis, e: &Expr, place: &Place) -> Option<Bound> {
+    match axis {
+        Axis::Set(set) => match l.run_index(e, place) {
+            Some(numbers) => Some(Bound::Run(numbers)),
+            None => member(l, set, e, place).map(|i| Bound::Member(set, i)),
+        },
+        Axis::Domain(domain) => {
+            let bound = cell(l, domain, e, place)?;
+            if let Bound::Cell(_, c) = bound
+                && (c.first < 0 || c.last() >= l.symbols.axis_len(axis))
+            {
+                l.naming().out_of_domain(domain, c, e);
+                return None;
+            }
+            Some(bound)
+        }
+    }
+}
+
 /// The fault of indices that are those of an array in another order: some do not fit their axis, and in another order all do.
 fn wrong_order(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span, place: &Place) -> Option<Diagnostic> {
     if !(2..=4).contains(&axes.len()) {

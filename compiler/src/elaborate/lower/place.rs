@@ -6,7 +6,7 @@ use smpl_dsl::syntax::Expr;
 
 use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::value::Value;
-use crate::elaborate::symbols::{DomainId, ScopeId, SetId, SymbolId};
+use crate::elaborate::symbols::{Axis, DomainId, ScopeId, SetId, SymbolId};
 use crate::ir::{Affine, ExprId};
 
 /// Context of an expression: its place, and bound names.
@@ -56,6 +56,8 @@ pub(crate) enum Bound {
     Face(DomainId, Cell),
     /// A value: argument of a function.
     Value(Value),
+    /// A set or domain: that of an array that a function takes.
+    Axis(Axis),
     /// An expression at its own place, with what is bound there: element of a tuple.
     Alias(Expr, ScopeId, Option<Rc<Binding>>),
     /// An element of a variable, by its linear address: element of `states` and the like.

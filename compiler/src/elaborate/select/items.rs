@@ -31,7 +31,7 @@ pub(crate) struct Selection {
 }
 
 impl Selection {
-    fn holds(&self, name: &str, option: &str) -> bool {
+    pub(in crate::elaborate::select) fn holds(&self, name: &str, option: &str) -> bool {
         self.chosen.get(name).is_some_and(|o| o == option)
     }
 }
@@ -95,13 +95,29 @@ pub(crate) fn block_around(files: &[File], place: Span) -> Option<Span> {
     found
 }
 
-/// The bodies of the active variants and choices of a block.
+/// The bodies of the active variants and choices of a block, those of a variant behind those that it extends.
 pub(crate) fn selected<'a>(statements: &'a [Statement], selection: &Selection) -> impl Iterator<Item = &'a [Statement]> {
-    statements.iter().filter_map(|statement| match &statement.kind {
-        StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => Some(body.as_slice()),
-        StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => Some(body.as_slice()),
+    let active = statements.iter().filter_map(|statement| match &statement.kind {
+        StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => {
+            Some((heirs(statements, name), body.as_slice()))
+        }
+        StatementKind::When { choice, option, body } if selection.holds(&choice.text, &option.text) => Some((0, body.as_slice())),
         _ => None,
-    })
+    });
+    let mut bodies: Vec<(usize, &[Statement])> = active.collect();
+    bodies.sort_by_key(|(bases, _)| *bases);
+    bodies.into_iter().map(|(_, body)| body)
+}
+
+/// The number of variants that one extends, one behind another.
+fn heirs(statements: &[Statement], name: &Ident) -> usize {
+    let base = |name: &&Ident| {
+        statements.iter().find_map(|statement| match &statement.kind {
+            StatementKind::Variant { name: known, extends: Some(base), .. } if known.text == name.text => Some(base),
+            _ => None,
+        })
+    };
+    std::iter::successors(base(&name), base).take(statements.len()).count()
 }
 
 fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {

@@ -11,8 +11,8 @@ use crate::model::{Alternatives, Choice, Variant};
 /// Choices of a model.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Choices<'a> {
-    /// Variants, by name.
-    switches: Vec<&'a str>,
+    /// Variants, by name, with those that they extend.
+    switches: Vec<(&'a str, Option<&'a Ident>)>,
     /// Choices with their options.
     choices: Vec<(&'a str, &'a [Ident])>,
 }
@@ -39,9 +39,10 @@ impl<'a> Choices<'a> {
     fn collect(&mut self, statements: &'a [Statement]) {
         for statement in statements {
             match &statement.kind {
-                StatementKind::Variant { name, body, .. } => {
-                    if !self.is_switch(&name.text) {
-                        self.switches.push(&name.text);
+                StatementKind::Variant { name, extends, body, .. } => {
+                    match self.switches.iter_mut().find(|(known, _)| *known == name.text) {
+                        Some((_, base)) => *base = base.or(extends.as_ref()),
+                        None => self.switches.push((&name.text, extends.as_ref())),
                     }
                     self.collect(body);
                 }
@@ -55,7 +56,7 @@ impl<'a> Choices<'a> {
     }
 
     fn is_switch(&self, name: &str) -> bool {
-        self.switches.contains(&name)
+        self.switches.iter().any(|(known, _)| *known == name)
     }
 
     fn options(&self, choice: &str) -> Option<&'a [Ident]> {
@@ -67,7 +68,9 @@ impl<'a> Choices<'a> {
     pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Alternatives) {
         let mut faults = Faults::default();
         files.iter().for_each(|file| self.check_whens(&file.statements, &mut faults));
+        self.check_bases(&mut faults);
         let mut chosen = self.choose(options);
+        self.turn_on_bases(&mut chosen.selection);
         faults.append(std::mem::take(&mut chosen.faults));
         chosen.faults = faults;
         let (variants, choices) = (self.shown_variants(&chosen.selection), self.shown_choices(&chosen.selection));
@@ -75,9 +78,40 @@ impl<'a> Choices<'a> {
         (chosen, shown)
     }
 
+    /// Faults of variants that extend unknown ones or themselves.
+    fn check_bases(&self, faults: &mut Faults) {
+        for (name, base) in &self.switches {
+            let Some(base) = base else { continue };
+            if !self.is_switch(&base.text) {
+                let message = format!("unknown variant `{}`", base.text);
+                let near = did_you_mean(&base.text, self.switches.iter().map(|(name, _)| *name));
+                faults.push(Diagnostic::error(codes::UNKNOWN_NAME, message, base.span).maybe_help(near));
+            } else if self.bases(name).any(|base| base == *name) {
+                let message = format!("the variant `{name}` extends itself");
+                faults.push(Diagnostic::error(codes::CYCLIC_DEFINITION, message, base.span));
+            }
+        }
+    }
+
+    /// The variants that one extends, the nearest first.
+    fn bases(&self, name: &str) -> impl Iterator<Item = &'a str> + '_ {
+        let base = |name: &str| self.switches.iter().find(|(known, _)| *known == name)?.1.map(|base| base.text.as_str());
+        std::iter::successors(base(name), move |name| base(name)).take(self.switches.len())
+    }
+
+    /// A variant that is on puts those in force that it extends.
+    fn turn_on_bases(&self, selection: &mut Selection) {
+        let on: Vec<&str> = self.switches.iter().map(|(name, _)| *name).filter(|name| selection.holds(name, "true")).collect();
+        for base in on.into_iter().flat_map(|name| self.bases(name)) {
+            if self.is_switch(base) {
+                selection.chosen.insert(base.to_owned(), "true".to_owned());
+            }
+        }
+    }
+
     fn shown_variants(&self, selection: &Selection) -> Vec<Variant> {
         let is_on = |name: &str| selection.chosen.get(name).is_some_and(|v| v == "true");
-        self.switches.iter().map(|name| Variant { name: (*name).to_owned(), on: is_on(name) }).collect()
+        self.switches.iter().map(|(name, _)| Variant { name: (*name).to_owned(), on: is_on(name) }).collect()
     }
 
     fn shown_choices(&self, selection: &Selection) -> Vec<Choice> {
@@ -134,7 +168,7 @@ impl<'a> Choices<'a> {
     }
 
     fn names(&self) -> impl Iterator<Item = &'a str> + '_ {
-        self.switches.iter().copied().chain(self.choices.iter().map(|(name, _)| *name))
+        self.switches.iter().map(|(name, _)| *name).chain(self.choices.iter().map(|(name, _)| *name))
     }
 
     /// The `when` blocks that no choice can fulfil.
@@ -161,7 +195,7 @@ impl<'a> Choices<'a> {
             }),
             None if self.is_switch(&choice.text) && matches!(option.text.as_str(), "true" | "false") => {}
             None => faults.push_with(|| {
-                let known = self.choices.iter().map(|(name, _)| *name).chain(self.switches.iter().copied());
+                let known = self.choices.iter().map(|(name, _)| *name).chain(self.switches.iter().map(|(name, _)| *name));
                 let message = format!("unknown choice `{}`", choice.text);
                 Diagnostic::error(codes::UNKNOWN_NAME, message, choice.span).maybe_help(did_you_mean(&choice.text, known))
             }),

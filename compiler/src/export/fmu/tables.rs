@@ -136,6 +136,7 @@ impl Tables<'_> {
                 RootAction::Fail(_) => ("SMPL_FAILS", 0),
                 RootAction::Run(program) => ("SMPL_RUNS", program),
                 RootAction::Restart => ("SMPL_RESTARTS", 0),
+                RootAction::Succeed(_) => ("SMPL_SUCCEEDS", 0),
             };
             entries.push(format!("{{\"{}\", {kind}, {program}, {}}}", quoted(&root.name), u8::from(root.strict)));
         }

@@ -175,7 +175,7 @@ impl Environment {
     fn pass_fired(&mut self, follower: &mut Follower, fired: &[usize], (begin, t, end): (f64, f64, f64)) -> Result<(), FollowError> {
         let roots = self.progress.edges.len();
         let action = |k: usize, environment: &Self| (k < roots).then(|| environment.setup.model().roots_info()[k].action);
-        if let Some(&k) = fired.iter().find(|&&k| matches!(action(k, self), Some(RootAction::Fail(_)))) {
+        if let Some(&k) = fired.iter().find(|&&k| matches!(action(k, self), Some(RootAction::Fail(_) | RootAction::Succeed(_)))) {
             let text = format!("the step ends at the event `{}`, t = {t}", self.event_name(k));
             return Err(FollowError::Failed(text));
         }

@@ -35,7 +35,7 @@ impl<'s> Writer<'s> {
                 self.block(&format!("Steady state: {}{found}.", fixed.join(", ")));
             }
             StatementKind::Observe { items } => items.iter().for_each(|item| self.observation(item)),
-            StatementKind::Level { name, text, body } => {
+            StatementKind::Level { name, text, body, .. } => {
                 self.label("Level of observation", &name.text, "", text.as_deref().unwrap_or(""));
                 body.iter().for_each(|inner| self.control(inner));
             }
@@ -48,7 +48,10 @@ impl<'s> Writer<'s> {
                 let texts = text.as_deref().into_iter().chain(event.then_some("ends the step at that instant"));
                 self.condition("Failure", name, condition, Some(&texts.collect::<Vec<_>>().join("; ")));
             }
-            StatementKind::Success { name, condition, text } => self.condition("Success", name, condition, text.as_deref()),
+            StatementKind::Success { name, event, condition, text } => {
+                let texts = text.as_deref().into_iter().chain(event.then_some("ends the step at that instant"));
+                self.condition("Success", name, condition, Some(&texts.collect::<Vec<_>>().join("; ")));
+            }
             StatementKind::Constraint { name, condition, text } => {
                 self.condition("Constraint, violated where", name, condition, text.as_deref())
             }

@@ -1,7 +1,7 @@
 //! Typeset definitions of a file: equations, named expressions, functions, fluxes.
 
 use smpl_dsl::latex;
-use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Role, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Local, Parameter, Role, Statement, StatementKind};
 
 /// The equations of a file and of its components in LaTeX, one display a line.
 #[must_use]
@@ -16,7 +16,7 @@ fn collect(statements: &[Statement], lines: &mut Vec<String>) {
         match &statement.kind {
             StatementKind::Equation { lhs, rhs, binders } => lines.push(latex::equation(lhs, rhs, binders)),
             StatementKind::Declare { role: Role::Let, declarations } => lines.extend(declarations.iter().filter_map(definition)),
-            StatementKind::Def { name, parameters, body } => lines.push(function(name, parameters, body)),
+            StatementKind::Def { name, parameters, locals, body } => lines.extend(function(name, parameters, locals, body)),
             StatementKind::Flux(flux) => lines.extend(flux_at_faces(flux)),
             StatementKind::Component { name, body, .. } => group("component", &name.text, body, lines),
             StatementKind::Variant { name, body, .. } => group("variant", &name.text, body, lines),
@@ -43,11 +43,13 @@ pub(super) fn definition(declaration: &Declaration) -> Option<String> {
     declaration.value.as_ref().map(|value| latex::equation(&left, value, &declaration.indices))
 }
 
-/// `def f(a, b) = body`
-pub(super) fn function(name: &Ident, parameters: &[Ident], body: &Expr) -> String {
-    let arguments = parameters.iter().map(|p| expression(p, ExprKind::Name(p.clone()))).collect();
+/// `def f(a, b) = body`, behind the lines of its local names.
+pub(super) fn function(name: &Ident, parameters: &[Parameter], locals: &[Local], body: &Expr) -> Vec<String> {
+    let of = |p: &Ident| expression(p, ExprKind::Name(p.clone()));
+    let arguments = parameters.iter().map(|p| of(&p.name)).collect();
     let left = expression(name, ExprKind::Call { function: name.clone(), arguments });
-    latex::equation(&left, body, &[])
+    let lines = locals.iter().map(|local| latex::equation(&of(&local.name), &local.value, &[]));
+    lines.chain([latex::equation(&left, body, &[])]).collect()
 }
 
 /// The flux inside, and at the ends where it is given.

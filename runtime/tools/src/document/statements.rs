@@ -195,13 +195,14 @@ impl<'s> Writer<'s> {
             StatementKind::Model { .. } => {}
             StatementKind::Import { path, .. } => self.import(path),
             StatementKind::When { choice, option, body } => self.when(statement, choice, option, body),
-            StatementKind::Variant { name, text, body } => {
+            StatementKind::Variant { name, extends, text, body } => {
                 let on = self.interface.alternatives.has_chosen(&name.text, "true");
-                let title = format!("Variant {}{}{}", code(&name.text), self.place(), if on { " (on)" } else { "" });
+                let base = extending(extends.as_ref());
+                let title = format!("Variant {}{base}{}{}", code(&name.text), self.place(), if on { " (on)" } else { "" });
                 self.alternatives.push(Alternative { title, text: text.clone().unwrap_or_default(), body });
             }
-            StatementKind::Component { name, parameters, text, body } => {
-                self.heading(3, &format!("Component {}", code(&name.text)));
+            StatementKind::Component { name, parameters, extends, text, body } => {
+                self.heading(3, &format!("Component {}{}", code(&name.text), extending(extends.as_ref())));
                 if let Some(text) = text {
                     self.block(&prose(text));
                 }
@@ -215,7 +216,12 @@ impl<'s> Writer<'s> {
             StatementKind::Equation { lhs, rhs, binders } => self.equation(statement, &latex::equation(lhs, rhs, binders)),
             StatementKind::Declare { role: Role::Let, declarations } => self.definitions(statement, declarations),
             StatementKind::Declare { role, declarations } => self.declarations(*role, declarations),
-            StatementKind::Def { name, parameters, body } => self.equation(statement, &equations::function(name, parameters, body)),
+            StatementKind::Def { name, parameters, locals, body } => {
+                let mut lines = equations::function(name, parameters, locals, body);
+                let last = lines.pop().unwrap_or_default();
+                lines.iter().for_each(|line| self.block(&display(line)));
+                self.equation(statement, &last);
+            }
             StatementKind::Flux(flux) => {
                 self.label("Flux", &declared(&flux.name, &flux.indices), &self.unit(flux.unit.as_ref()), &self.remark(statement.span));
                 equations::flux_at_faces(flux).iter().for_each(|line| self.block(&display(line)));
@@ -311,6 +317,11 @@ impl<'s> Writer<'s> {
         }
         self.chapter = chapter;
     }
+}
+
+/// What a component, a level or a variant extends.
+pub(super) fn extending(base: Option<&Ident>) -> String {
+    base.map(|base| format!(" extends {}", code(&base.text))).unwrap_or_default()
 }
 
 /// The chapter of a kind of statement.

@@ -39,6 +39,7 @@ pub(crate) fn answer(found: &Found, settings: &Settings) -> Answer {
             RootAction::Fail(_) => "failure",
             RootAction::Run(_) => "event",
             RootAction::Restart => "switch",
+            RootAction::Succeed(_) => "success",
         };
         json!({"name": root.name, "action": action})
     });

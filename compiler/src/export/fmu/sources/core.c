@@ -411,6 +411,10 @@ int smpl_events(smpl_instance *s, int *changed)
                 smpl_say(s, fmi3Warning, "time %.15g: failure %s", clock, smpl_root_table[i].name);
                 s->now.ended = 1;
             }
+            if (smpl_root_table[i].kind == SMPL_SUCCEEDS && !s->now.goes_on) {
+                smpl_say(s, fmi3OK, "time %.15g: success %s", clock, smpl_root_table[i].name);
+                s->now.ended = 1;
+            }
             if (smpl_root_table[i].kind == SMPL_RUNS) {
                 smpl_run_event(smpl_root_table[i].program, clock, s->y, s->u_used, s->p, s->c);
                 *changed = 1;

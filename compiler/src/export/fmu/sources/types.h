@@ -37,7 +37,7 @@ typedef struct {
 /* The condition of an event. */
 typedef struct {
     const char *name;
-    enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS } kind;
+    enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS, SMPL_SUCCEEDS } kind;
     int program, strict;
 } smpl_root;
 
