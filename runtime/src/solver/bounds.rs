@@ -33,6 +33,17 @@ impl Bounds {
         bounds
     }
 
+    /// The same bounds behind an unknown that has none.
+    pub(crate) fn behind_a_rest(&self) -> Self {
+        let behind = |first: f64, list: &[f64]| std::iter::once(first).chain(list.iter().copied()).collect();
+        Self {
+            low: behind(f64::NEG_INFINITY, &self.low),
+            high: behind(f64::INFINITY, &self.high),
+            slack: behind(0.0, &self.slack),
+            scale: behind(1.0, &self.scale),
+        }
+    }
+
     /// Returns whether an unknown has a bound.
     pub(crate) fn bind(&self) -> bool {
         self.low.iter().any(|low| low.is_finite()) || self.high.iter().any(|high| high.is_finite())

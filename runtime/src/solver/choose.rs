@@ -1,5 +1,6 @@
 //! The method that suits a system.
 
+use super::resting::Resting;
 use super::{Ida, Integrator, Method, OneStep, Settings, SolveError, System};
 
 /// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation:
@@ -14,6 +15,14 @@ const SMALL: usize = 200;
 /// A setting out of range, a pattern that does not fit, a system that the method does not take, or
 /// SUNDIALS out of memory.
 pub fn integrator(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
+    if system.differential().contains(&true) {
+        by_method(system, settings)
+    } else {
+        Ok(Box::new(Resting::new(system, settings, by_method)?))
+    }
+}
+
+fn by_method(system: &dyn System, settings: Settings) -> Result<Box<dyn Integrator>, SolveError> {
     Ok(match settings.method {
         Method::Ida => Box::new(Ida::new(system, settings)?),
         Method::Rosenbrock | Method::Explicit => Box::new(OneStep::new(system, settings)?),

@@ -53,6 +53,7 @@ pub(crate) mod nonnegative;
 mod onestep;
 pub mod problems;
 mod quadrature;
+mod resting;
 mod safe;
 mod settings;
 mod staggered;

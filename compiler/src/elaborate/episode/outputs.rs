@@ -1,6 +1,5 @@
 //! Public quantities: observations, algebraic outputs, the interface.
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
@@ -145,11 +144,5 @@ pub(in crate::elaborate) fn quantities(l: &mut Lowering<'_, '_>) -> Quantities {
         quantity.structural = quantity.var.is_some_and(|var| l.constants.is_structural(var));
     }
     discretes.extend(schedule_quantities(l));
-    if states.is_empty() && !l.ledger.reports.has_errors() {
-        l.ledger.report(Diagnostic::error(codes::UNDERDETERMINED, "the model has no state", smpl_dsl::span::Span::default()).help(
-            "declare one, `state x = 0`, with an equation `eq d/dt x = ...`; a model that is algebraic throughout (a flash) is \
-                     stepped with `state idle = 0` and `eq d/dt idle = 0`",
-        ));
-    }
     Quantities { states, state_order: state_order(l), discretes, actions, disturbances, parameters, ..Quantities::default() }
 }
