@@ -112,11 +112,16 @@ registry! {
     HIDDEN_BUILT_IN "W0201-hidden-built-in" "a declaration takes the place of a built-in name such as `n` or `e`"
     UNUSED_PARAMETER "W0202-unused-parameter" "a parameter that is never used"
     BARE_NUMBER "W0301-bare-number" "a number without a unit next to a percentage or an angle in degrees, or one of these rounded as a number"
+    MAGIC_NUMBER "W0302-magic-number" "a constant of nature as a bare number in an expression"
     ONE_SIDED_LIMIT "W0601-one-sided-limit" "a reward that limits a change over a step on one side only"
     START_OUTSIDE_BOUNDS "W0602-start-outside-bounds" "a state whose initial value exceeds its declared bounds"
     INCOMPLETE_STEADY "W0603-incomplete-steady" "a `steady` block that leaves actions at their nominal values without saying so"
     NO_EPISODE "W0604-no-episode" "a model without an `episode` block: sampling interval and time limit are defaults"
-    NO_BOX "W0605-unbounded-observation" "an observation without bounds: learners need a finite box"
+    IDLE_EVENT "W0605-idle-event" "an event at which nothing happens"
+    UNREACHABLE_EVENT "W0606-unreachable-event" "an event whose threshold is outside of the declared bounds of the variable that it compares"
+    MISSING_SCALE "W0607-missing-scale" "a state far from the scale by which its absolute tolerance is chosen"
+    OPEN_BOUNDS "W0608-open-bounds" "an observation that is bounded on one side only"
+    NO_BOX "W0609-unbounded-observation" "an observation without bounds: learners need a finite box"
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod explain;
 mod export;
 mod fit;
 mod import;
+mod lint;
 mod live;
 mod lsp;
 mod new;
@@ -72,6 +73,8 @@ enum Command {
     Diagnose(diagnose::DiagnoseArguments),
     /// Find a steady state and describe it
     Steady(steady::SteadyArguments),
+    /// Warn of what is legal and unwise in models
+    Lint(lint::LintArguments),
     /// Run the tests of models
     Test(test::TestArguments),
     /// Find parameters from recorded runs (by the Python package)
@@ -188,6 +191,7 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Plot(arguments) => plot::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Steady(arguments) => steady::run(&arguments),
+        Command::Lint(arguments) => lint::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),

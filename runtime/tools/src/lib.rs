@@ -9,6 +9,7 @@ pub mod cli;
 pub(crate) mod document;
 pub mod export;
 pub(crate) mod import;
+pub mod lint;
 pub(crate) mod live;
 pub mod lsp;
 pub mod picture;

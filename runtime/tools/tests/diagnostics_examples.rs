@@ -10,6 +10,8 @@ use std::path::Path;
 use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
 use smpl_dsl::diagnostic::{Code, Diagnostic, SourceMap, codes};
+use smpl_dsl::span::FileId;
+use smpl_tools::lint;
 
 use shell::{beside, file, name, smpl, status, text};
 
@@ -88,7 +90,11 @@ fn faults(text: &str, code: Code) -> Vec<Diagnostic> {
     let main = sources.add("model.eq", text);
     let options = Options { lints: true, ..Options::default() };
     let found = match flatten(&mut sources, main, &mut |_: &str| None, &options) {
-        Ok((_, warnings)) => warnings,
+        Ok((model, mut warnings)) => {
+            let tree = smpl_dsl::parse(text, FileId(0)).file;
+            warnings.extend(lint::lints(&tree, &model.interface).into_iter().filter(|lint| lint.code == code));
+            warnings
+        }
         Err(faults) => faults,
     };
     found.into_iter().filter(|fault| fault.code == code || fault.code != codes::NO_EPISODE).collect()
