@@ -1,7 +1,7 @@
 model CSTR "Exothermic stirred tank A -> B at constant volume, cooled by a jacket"
 
 # The system cstr of pc-gym (M. Bloor et al., arXiv:2410.22093), with its parameters: the reactor of D. E. Seborg, T. F. Edgar,
-# D. A. Mellichamp, Process Dynamics and Control (Wiley), example 2.5, in litres, joules and minutes.
+# D. A. Mellichamp, Process Dynamics and Control (Wiley), chapter 2, in litres, joules and minutes.
 #
 # Task: follow a set-point of the concentration that changes every 40 steps; temperature and concentration of the feed vary.
 #

@@ -1,6 +1,6 @@
 model Evaporator "Forced-circulation evaporator: level, product composition and pressure"
 
-# R. B. Newell, P. L. Lee, Applied Process Control: A Case Study (Prentice Hall, 1989), chapter 2.
+# R. B. Newell, P. L. Lee, Applied Process Control: A Case Study (Prentice Hall, 1989).
 #
 # Task: keep composition and pressure, and the level, which integrates, by product flow, steam pressure and cooling water, while
 # flow and composition of the feed vary.

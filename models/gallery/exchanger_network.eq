@@ -1,8 +1,8 @@
 model ExchangerNetwork "Heat exchanger network: two hot streams heat a cold one in three exchangers with bypasses"
 
-# A network of this collection in the manner of S. G. Mathisen, S. Skogestad, Studies on operability of heat exchanger networks
-# (1992): bypasses on the hot sides are the manipulated variables. Each exchanger has five mixed segments on both sides, and
-# fluid and wall of a side share a temperature.
+# A network of this collection; bypasses as manipulated variables as in K. W. Mathisen, Integrated design and control of heat
+# exchanger networks (thesis, NTH Trondheim, 1994). Each exchanger has five mixed segments on both sides; fluid and wall of a
+# side share a temperature.
 #
 # Task: keep the outlets of the cold stream and of both hot streams at their set-points by three bypasses while inlets vary.
 #

@@ -1,13 +1,13 @@
 model FourTanks "Quadruple-tank process: four tanks, two pumps, two valves that decide on the phase"
 
 # K. H. Johansson, The quadruple-tank process: a multivariable laboratory process with an adjustable zero, IEEE Transactions on
-# Control Systems Technology 8 (2000) 456-465, Tables I and II.
+# Control Systems Technology 8 (2000) 456-465.
 #
 # Task: follow set-points of the two lower levels, which change every 100 steps. With the valves of the default the linear
 # model has its zeros in the left half plane, with the variant nonminimum_phase one in the right. Unmeasured water flows
 # into the upper tanks.
 #
-# Checked: levels, gains and time constants of both operating points, Table II (levels there are measured ones: 12.4, 12.7,
+# Checked: levels, gains and time constants of both operating points (published levels are measured ones: 12.4, 12.7,
 # 1.8, 1.4 cm; the equations give 12.26, 12.78, 1.63, 1.41 cm); zeros -0.060 and -0.018 1/s, and 0.013 and -0.057 1/s;
 # trajectories of SciPy. The variant `pcgym` has the tanks of pc-gym.
 

@@ -1,7 +1,7 @@
 model PHNeutralisation "Neutralisation of acid by base in a stirred tank with buffer; level and pH"
 
 # M. A. Henson, D. E. Seborg, Adaptive nonlinear control of a pH neutralization process, IEEE Transactions on Control Systems
-# Technology 2 (1994) 169-182, Table 1. Reaction invariants of nitric acid, sodium hydroxide and sodium bicarbonate.
+# Technology 2 (1994) 169-182. Reaction invariants of nitric acid, sodium hydroxide and sodium bicarbonate.
 #
 # Task: keep the pH at 7 and the level at 14 cm by base and acid while the buffer flow, which is not measured, varies.
 #

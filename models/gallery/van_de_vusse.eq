@@ -1,7 +1,7 @@
 model VanDeVusse "Van de Vusse reactor: A -> B -> C, 2 A -> D in a stirred tank with a cooled jacket"
 
 # K.-U. Klatt, S. Engell, Gain-scheduling trajectory control of a continuous stirred tank reactor, Computers and Chemical
-# Engineering 22 (1998) 491-502, Tables 1 and 2.
+# Engineering 22 (1998) 491-502.
 #
 # Task: keep the product B at its set-point, which changes every 50 steps, by feed and cooling. The static gain from the feed
 # to B changes its sign near the operating point. The temperature of the feed is an unmeasured disturbance.

@@ -13,7 +13,7 @@ from plants import difference, gains, moves, near, rest
 
 
 def test_four_tanks_have_the_published_operating_points():
-    """Johansson 2000, Table II: measured levels, gains and time constants of both phases."""
+    """Johansson 2000: measured levels, gains and time constants of both phases."""
     for variants, levels, voltage, published, times in (
         ((), (12.4, 12.7, 1.8, 1.4), 3.0, [[2.6, 1.5], [1.4, 2.8]], [23, 30, 62, 90]),
         (("nonminimum_phase",), (12.6, 13.0, 4.8, 4.9), 3.15, [[1.5, 2.5], [2.5, 1.6]], [39, 56, 63, 91]),
@@ -64,7 +64,7 @@ def test_four_tanks_move_as_in_scipy(variants, numbers, step):
 
 
 def test_van_de_vusse_reactor_rests_at_the_published_point():
-    """Klatt and Engell 1998, Table 2."""
+    """Klatt and Engell 1998."""
     model = smpl.compile("van_de_vusse")
     found = model.steady_state(np.array([14.19, -1113.5]))[:4]
     near(found, [2.14, 1.09, 114.2, 112.9], [5e-3, 5e-3, 0.05, 0.05])
@@ -173,7 +173,7 @@ def acidity(W_a, W_b):
 
 
 def test_neutralisation_rests_at_the_published_point():
-    """Henson and Seborg 1994, Table 1: pH 7.0 at the printed invariants, level 14.0 cm."""
+    """Henson and Seborg 1994: pH 7.0 at the printed invariants, level 14.0 cm."""
     assert acidity(-4.32e-4, 5.28e-4) == pytest.approx(7.0, abs=0.05)
     model = smpl.compile("ph_neutralisation")
     W_a, W_b, h, pH = model.steady_state(np.array([15.6, 16.6]))[:4]
@@ -202,7 +202,7 @@ def test_neutralisation_moves_as_in_scipy():
 
 
 def evaporator(x, u, every=False):
-    """Newell and Lee's equations (2.1) to (2.12)."""
+    """Equations of Newell and Lee."""
     _, X2, P2 = x
     F2, P100, F200 = u
     F1, F3, X1, T1, T200 = 10, 50, 5, 40, 25
