@@ -1,6 +1,7 @@
-"""Right-hand side of the Tennessee Eastman process in the form and the units of teprob.f: lb-mol, million Btu, mmHg, h.
+"""Right-hand side of the Tennessee Eastman process in the units of teprob.f: lb-mol, Btu, mmHg, h.
 
-Components are A to H; streams have the numbers of the paper. Written from Downs and Vogel (1993) and their program.
+Components are A to H; streams have the numbers of the paper.
+Written from Downs and Vogel (1993) and their program.
 """
 
 import numpy as np
@@ -83,7 +84,7 @@ def reactions(p, T, vapour):
 
 
 def rates(reactor, separator, stripper, mixing, water, valves, commands):
-    """Derivatives; vessels are eight holdups and an energy, water both outlets of coolant in degC."""
+    """Derivatives; vessels are eight holdups and an energy, water both coolant outlets in degC."""
     T_r, p_r, y_r, _, V_r = drum(reactor[:8], reactor[8], 1300)
     T_s, p_s, y_s, x_s, _ = drum(separator[:8], separator[8], 3500)
     x_c = stripper[:8] / stripper[:8].sum()

@@ -40,10 +40,10 @@ def difference(
     first_step: int = 0,
     **options: npt.ArrayLike,
 ) -> float:
-    """Largest difference of a trajectory from that of SciPy, relative to the largest value of each state.
+    """Largest difference of a trajectory from that of SciPy, relative to the size of each state.
 
-    `right_side(x, u)` has the states in the order and the units of the model, and its unit of time. `options` are those
-    of the method.
+    `right_side(x, u)` has the states in the order and the units of the model, and its unit of time.
+    `options` are those of the method.
     """
     run = model.rollout(start, actions, disturbances=disturbances, first_step=first_step)
     assert not run.failure[0], run.failure[0]

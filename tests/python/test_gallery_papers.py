@@ -1,4 +1,4 @@
-"""Plants of the gallery against their papers: fermenters, crystalliser, polymerisation, boiler, battery, fixed bed.
+"""Plants of the gallery against their papers: fermenters, reactors, boiler, battery, networks.
 
 The right-hand sides are written from the papers that the models name.
 """
@@ -83,7 +83,7 @@ def boiler(x, u):
 
 @pytest.mark.parametrize("point", BOILER[1:6])
 def test_the_boiler_rests_at_the_published_points(point):
-    """Points 2 to 6: the printed level, and rest to the digits of the valves; E is not at rest in 1 and 7."""
+    """Points 2 to 6: the printed level, and rest to the digits; E is not at rest in 1 and 7."""
     model = smpl.compile("boiler_drum")
     P, E, rho, *valves, level = point
     run = model.rollout([P, E, rho], [valves], outputs=True)
@@ -218,7 +218,7 @@ def bed(x, u):
 
 
 def test_the_bed_rests_at_the_profile_of_plug_flow():
-    """The steady state of upwind cells against the equations of Froment along the tube, by SciPy."""
+    """Steady state of upwind cells against the equations along the tube, by SciPy."""
 
     def along(_, x):
         k1, k2, k3 = rates(x[2])
@@ -271,7 +271,7 @@ def test_the_bed_moves_as_in_scipy():
 
 
 def chylla_haase(rate):
-    """Product A of the benchmark with a constant feed, kg/s; the delays are ten lags each. Time in seconds."""
+    """Product A of the benchmark with a constant feed, kg/s; delays are ten lags each."""
 
     def right_side(x, u):
         monomer, polymer, T, out, into = x[:5]

@@ -1,4 +1,4 @@
-"""Tennessee Eastman and BSM1 against the figures of their papers and of the programs of their authors."""
+"""Tennessee Eastman and BSM1 against the figures of their papers and programs."""
 
 import numpy as np
 import pytest
@@ -87,7 +87,7 @@ def eastman_rates(model, states, commands):
 
 
 def test_eastman_plant_moves_as_in_scipy(plant):
-    """Twelve minutes with steps of four valves, against the program of the authors written in NumPy."""
+    """Twelve minutes with steps of four valves, against the program written in NumPy."""
     start, nominal = rest(plant), np.array(plant.native.defaults("action"))
     actions = np.tile(nominal, (12, 1))
     actions[3:, [0, 9]] += 0.5

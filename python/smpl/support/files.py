@@ -1,4 +1,4 @@
-"""Where the models are, in a source checkout and in an installed package."""
+"""Folders of the models, in a source checkout and in an installed package."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def models_directory() -> Path:
-    """Folder of the shipped models: that of the checkout if the package runs from one, else the package's own copy."""
+    """Folder of the shipped models: that of a checkout, else the copy in the package."""
     checkout = _PACKAGE.parent.parent
     if (checkout / "Cargo.toml").is_file() and (checkout / "models").is_dir():
         return checkout / "models"
@@ -18,7 +18,7 @@ def models_directory() -> Path:
 
 
 def announce_library() -> None:
-    """Let models anywhere import the shipped components (`use "lib/..."`), unless a library is set already."""
+    """Let models anywhere import the shipped components, unless a library is set already."""
     os.environ.setdefault("SMPL_LIBRARY", str(models_directory()))
 
 
@@ -28,7 +28,7 @@ def model_folders() -> tuple[Path, Path]:
 
 
 def model_path(name: str) -> Path:
-    """Path of a shipped model, `reactor` -> `.../reactor.eq`, `column_a` -> `.../gallery/column_a.eq`.
+    """Path of a shipped model: `column_a` -> `.../gallery/column_a.eq`.
 
     Raises:
         FileNotFoundError: there is no such model; the message lists those that there are.
@@ -44,7 +44,7 @@ def model_path(name: str) -> Path:
 
 
 def is_shipped(name: str) -> bool:
-    """Whether a text is the name of a shipped model. What is in the working folder does not matter."""
+    """Test for the name of a shipped model; the working folder does not matter."""
     return _shipped(name) is not None
 
 
