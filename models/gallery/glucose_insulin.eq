@@ -19,7 +19,7 @@ param k        : 1/min          = 5/54                 "decay of insulin"
 param V_1      : L              = 12                   "volume of distribution of insulin"
 param G_b      : mmol/L         = 4.5                  "basal glucose"
 param I_b      : unit/L         = 0.015                "basal insulin"
-param meal     : mmol/(L min)   = 0.15      in 0..1    "largest rate at which a meal appears"
+param meal     : mmol/(L min)   = 0.4       in 0..1    "largest rate at which a meal appears"
 param emptying                  = 0.78      in 0..1    "share of the rate that remains after a step, exp(-0.05 [1/min]*step)"
 
 action U : unit/h = 1 in 0..8    "infusion of insulin"
