@@ -81,6 +81,11 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--episodes", type=int, required=True, metavar="N")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the first episode; the i-th has S + i")
     parser.add_argument("--starts", metavar="WHICH", help="sampled, grid:D:N, unclipped_grid:D:N, spread:D, FILE.csv")
+    add_problem(parser)
+
+
+def add_problem(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the environment, which `environment` reads."""
     parser.add_argument("--scenario", metavar="NAME")
     parser.add_argument("--variant", action="append", metavar="NAME", help="repeatable")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="repeatable")

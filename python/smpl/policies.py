@@ -354,7 +354,10 @@ def _is_unit(space: Box) -> bool:
 
 
 def load_policy(spec: str) -> Any:
-    """The policy of a file: `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript.
+    """The policy of a file.
+
+    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, and what `smpl export-policy`
+    writes: `FILE.c`, `FILE.onnx`, `FILE.fmu`.
 
     Raises:
         ValueError: the file is missing, cannot be read, or its algorithm is not named.
@@ -393,8 +396,15 @@ def _torchscript(_: str, file: str) -> Any:
         return _TorchPolicy(torch.jit.load(file).eval())
 
 
-# File formats by their endings.
-FILES: dict[str, Callable[[str, str], Any]] = {".zip": _stable_baselines, ".d3": _d3rlpy, ".pt": _torchscript}
+def _exported(_: str, file: str) -> Any:
+    from smpl.deploy import load_artefact
+
+    return load_artefact(file)
+
+
+# File formats by their endings: those in which policies are trained, and exported ones.
+TRAINED: dict[str, Callable[[str, str], Any]] = {".zip": _stable_baselines, ".d3": _d3rlpy, ".pt": _torchscript}
+FILES = TRAINED | dict.fromkeys((".c", ".onnx", ".fmu"), _exported)
 
 
 @contextlib.contextmanager

@@ -18,12 +18,12 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.S | re.M)
 
 
-def test_the_python_of_the_page_runs_in_its_order():
+def test_the_python_of_the_page_runs_in_its_order(tmp_path):
     for package in ("casadi", "do_mpc", "jax"):
         pytest.importorskip(package, reason=f"{package} is not installed")
     # What needs FMPy is tested with the FMUs.
     code = "\n".join(block for block in blocks("python") if "fmpy" not in block)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "(4096, 3)" in done.stdout
 

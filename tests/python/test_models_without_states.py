@@ -52,7 +52,9 @@ def test_rollouts_and_steady_states_have_no_states() -> None:
     actions = np.array([[[0.8], [1.2]], [[1.0], [1.4]]])
     rollout = model.rollout(np.zeros((2, 0)), actions)
     assert rollout.states.shape == (2, 3, 0)
-    np.testing.assert_allclose(rollout.rewards, [[fraction(0.8), fraction(1.2)], [fraction(1.0), fraction(1.4)]], atol=1e-10)
+    np.testing.assert_allclose(
+        rollout.rewards, [[fraction(0.8), fraction(1.2)], [fraction(1.0), fraction(1.4)]], atol=1e-10
+    )
     steady = model.steady_state([1.2])
     np.testing.assert_allclose(np.atleast_1d(np.asarray(steady, dtype=float)).ravel()[-1:], [fraction(1.2)], atol=1e-10)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import sys
 import threading
 
 from smpl import _native
 from smpl.support.foreign import check
+
+# Commands of this package, with the modules that run them; the compiled command has the others.
+COMMANDS = {"fit": "smpl.commands.fit", "export-policy": "smpl.deploy.export_command"}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -18,10 +22,10 @@ def main(arguments: list[str] | None = None) -> int:
     """
     check()  # the `__init__` of another project may have replaced the one that does this
     command = ["smpl", *(sys.argv[1:] if arguments is None else arguments)]
-    if command[1:2] == ["fit"]:  # done here, not by the compiled command
-        from smpl.commands.fit import main as fit
-
-        return fit(command[2:])
+    module = COMMANDS.get(command[1]) if len(command) > 1 else None
+    if module is not None:
+        done: int = importlib.import_module(module).main(command[2:])
+        return done
     if threading.current_thread() is not threading.main_thread():
         return _native.main(command)
     # Ctrl-C ends the command at once, as it does without Python.

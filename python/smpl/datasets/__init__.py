@@ -3,9 +3,10 @@
 from smpl.datasets.collecting import collect
 from smpl.datasets.exports import d3rlpy_arrays, to_d3rlpy, to_d4rl, to_hdf5, to_minari, to_torch
 from smpl.datasets.imports import from_legacy, from_pensim_csv
-from smpl.datasets.layouts import LegacyRows, Transitions, initial_grid, legacy_rows, transitions
+from smpl.datasets.layouts import LegacyRows, Transitions, legacy_rows, transitions
 from smpl.datasets.loading import Dataset, load
 from smpl.datasets.store import DatasetError
+from smpl.learning.grids import initial_grid
 
 __all__ = [
     "Dataset",

@@ -115,7 +115,12 @@ def _files(spec: str) -> dict[str, bytes]:
     file = _policy_file(spec)
     if file is None:
         return {}
-    return {one.name: one.read_bytes() for one in (file, *sidecars(file)) if one.is_file()}
+    return {one.name: one.read_bytes() for one in (file, *sidecars(file), *_header(file)) if one.is_file()}
+
+
+def _header(file: Path) -> tuple[Path, ...]:
+    """The header of a policy in C."""
+    return (file.with_suffix(".h"),) if file.suffix == ".c" else ()
 
 
 def _unpacked(spec: str, model: Model, name: str, files: Mapping[str, bytes]) -> Agent:

@@ -12,7 +12,7 @@ from smpl.envs import Env, Interface
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import FILE, Form, FormulatedPolicy, Formulation, LearnedBox, names_of
 from smpl.model import Model
-from smpl.policies import FILES
+from smpl.policies import TRAINED
 from smpl.vector import VectorEnv
 
 
@@ -39,8 +39,8 @@ def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
         save_policy(model, "ppo.zip", batch)    # then: python -m smpl.evaluate reactor --policy PPO:ppo.zip
     """
     file = Path(path)
-    if file.suffix not in FILES:
-        raise ValueError(f"path is {str(path)!r}, expected a file that ends in {', '.join(FILES)}")
+    if file.suffix not in TRAINED:
+        raise ValueError(f"path is {str(path)!r}, expected a file that ends in {', '.join(TRAINED)}")
     if not callable(getattr(policy, "save", None)):
         raise TypeError(f"policy is {type(policy).__name__}, expected an object with save")
     form, interface = _beneath(env)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from smpl.datasets.layouts import initial_grid
 from smpl.envs import Env
+from smpl.learning.grids import initial_grid
 from smpl.support.arguments import FloatArray, check_names
 from smpl.support.optional import load
 

@@ -1,0 +1,16 @@
+"""Policies outside of Python: export to C, ONNX and FMI 3, loading, and replay of recorded scores.
+
+    import smpl
+    smpl.deploy.export_policy("lqr", "reactor", "c", "lqr.c")
+    controller = smpl.deploy.load_artefact("lqr.c", smpl.Env("reactor"))
+
+docs/export.md describes the forms; the commands are `smpl export-policy` and `smpl verify`.
+"""
+
+from __future__ import annotations
+
+from smpl.deploy.artefact import Artefact, load_artefact
+from smpl.deploy.contract import Contract, Signal, model_hash
+from smpl.deploy.export import TARGETS, export_policy
+
+__all__ = ["TARGETS", "Artefact", "Contract", "Signal", "export_policy", "load_artefact", "model_hash"]
