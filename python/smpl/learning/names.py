@@ -47,6 +47,7 @@ def names(model: Model) -> tuple[str, ...]:
 def _known(model: Model) -> dict[str, Callable[[], Any]]:
     """Controllers by name: those of every model, the baselines of this one, and the policies that it declares."""
     known: dict[str, Callable[[], Any]] = {"nominal": controllers.Nominal, "random": controllers.Uniform}
+    known["lqr"] = partial(controllers.LQR, model)
     if model.action_names == ("T_c", "q_out"):
         known |= {"pid": controllers.Proportional, "mpc": ReactorNMPC}
     if model.action_names == ("T",) and "S" in model.state_names:
