@@ -1,21 +1,16 @@
 """Policies: everything that chooses actions, behind one interface.
 
 `as_policy` adapts a controller (`action(env)`, physical units), a policy of Stable-Baselines3, d3rlpy, scikit-learn or
-RLlib, an object that acts on a batch, or a function of the observation. `load_policy` reads a file. The table `KINDS`
-lists the kinds of objects in the order in which they are tried, `FILES` the file formats.
+RLlib, an object that acts on a batch, or a function of the observation. The table `KINDS` lists the kinds of objects in
+the order in which they are tried; `smpl.learning.load_policy` reads files.
 """
 
 from __future__ import annotations
 
-import contextlib
-import importlib
 import inspect
-import io
 import sys
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 import gymnasium
@@ -25,7 +20,6 @@ from gymnasium.spaces import Box
 
 from smpl.envs import Env, Interface
 from smpl.support.arguments import FloatArray, as_vector
-from smpl.support.optional import load
 
 Array = npt.NDArray[Any]
 # Values of a controller's attribute `sees`, in addition to the observation levels of the model.
@@ -348,101 +342,6 @@ def _shape(policy: Any, space: str, size: str) -> tuple[int, ...] | None:
 
 def _is_unit(space: Box) -> bool:
     return bool((space.low == -1).all() and (space.high == 1).all())
-
-
-# Files of policies.
-
-
-def load_policy(spec: str) -> Any:
-    """The policy of a file.
-
-    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, and what `smpl export-policy`
-    writes: `FILE.c`, `FILE.onnx`, `FILE.fmu`.
-
-    Raises:
-        ValueError: the file is missing, cannot be read, or its algorithm is not named.
-        ImportError: its package is missing.
-    """
-    algorithm, _, file = spec.rpartition(":")
-    if not Path(file).is_file():
-        raise ValueError(f"policy file {file!r} is not there")
-    return FILES[Path(file).suffix](algorithm, file)
-
-
-def _stable_baselines(algorithm: str, file: str) -> Any:
-    if not algorithm:
-        raise ValueError(f"which algorithm made {file!r}? Write it before the file, as in PPO:{file}")
-    _needs("stable_baselines3")
-    for package in ("stable_baselines3", "sb3_contrib"):
-        try:
-            found = getattr(importlib.import_module(package), algorithm, None)
-        except ImportError:
-            continue
-        if found is not None:
-            with _of_file(file, algorithm):
-                return found.load(file, device="cpu")
-    raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
-
-
-def _d3rlpy(_: str, file: str) -> Any:
-    d3rlpy = _needs("d3rlpy")
-    with _of_file(file, "d3rlpy"):
-        return d3rlpy.load_learnable(file)
-
-
-def _torchscript(_: str, file: str) -> Any:
-    torch = _needs("torch")
-    with of_torchscript(), _of_file(file, "TorchScript"):
-        return _TorchPolicy(torch.jit.load(file).eval())
-
-
-def _exported(_: str, file: str) -> Any:
-    from smpl.deploy import load_artefact
-
-    return load_artefact(file)
-
-
-# File formats by their endings: those in which policies are trained, and exported ones.
-TRAINED: dict[str, Callable[[str, str], Any]] = {".zip": _stable_baselines, ".d3": _d3rlpy, ".pt": _torchscript}
-FILES = TRAINED | dict.fromkeys((".c", ".onnx", ".fmu"), _exported)
-
-
-@contextlib.contextmanager
-def _of_file(file: str, what: str) -> Iterator[None]:
-    """Name the file where a package cannot read it, whatever it raises then."""
-    try:
-        yield
-    except ImportError:
-        raise
-    except Exception as error:
-        said = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {said}") from error
-
-
-@contextlib.contextmanager
-def of_torchscript() -> Iterator[None]:
-    """Suppress the deprecation warnings of TorchScript: it is the form that each of the pinned versions reads."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", r"`torch\.jit\.", FutureWarning)
-        yield
-
-
-class _TorchPolicy:
-    """A TorchScript module that maps a batch of observations to actions."""
-
-    def __init__(self, module: Any) -> None:
-        self._module = module
-
-    def predict(self, observations: Array) -> Array:
-        torch = importlib.import_module("torch")
-        with torch.no_grad():
-            return np.asarray(self._module(torch.as_tensor(observations)).numpy())
-
-
-def _needs(module: str) -> Any:
-    # The gym that d3rlpy imports, and Stable-Baselines3 where it is there, greets with a banner.
-    with contextlib.redirect_stderr(io.StringIO()):
-        return load(module, "this policy")
 
 
 # Arguments and results of policies.

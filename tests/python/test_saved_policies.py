@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import smpl
-import smpl.policies
+import smpl.learning.policy_files
 from smpl.evaluation import run_episode
 from smpl.learning import agent, save_policy
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
@@ -40,7 +40,7 @@ def _files(monkeypatch):
         assert algorithm == "PPO"
         return pickle.loads(Path(file).read_bytes())
 
-    monkeypatch.setitem(smpl.policies.FILES, ".zip", load)
+    monkeypatch.setitem(smpl.learning.policy_files.FILES, ".zip", load)
 
 
 def untrained(env):

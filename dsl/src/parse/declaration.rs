@@ -105,3 +105,11 @@ pub(super) fn fill<T>(context: &Context<'_>, slot: &mut Option<T>, value: T, nam
     }
     Ok(())
 }
+
+/// `extends A`
+pub(super) fn extends(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<Ident>> {
+    let Some(pair) = children.take(Rule::extends) else { return Ok(None) };
+    let mut inner = Children::new(pair);
+    inner.skip(Rule::kw_extends);
+    inner.name(context).map(Some)
+}

@@ -36,7 +36,7 @@ pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec
         "steady" => steady(context, children),
         "observe" => Ok(StatementKind::Observe { items: observations(context, children)? }),
         "level" => {
-            let (name, extends) = (children.name(context)?, super::statement::extends(context, &mut children)?);
+            let (name, extends) = (children.name(context)?, declaration::extends(context, &mut children)?);
             Ok(StatementKind::Level { name, extends, text: children.text(), body })
         }
         "reward" => reward(context, children),

@@ -80,7 +80,7 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
         "connect" => connect(context, children),
         "choice" => choice(context, children),
         "variant" => {
-            let (name, extends) = (children.name(context)?, extends(context, &mut children)?);
+            let (name, extends) = (children.name(context)?, declaration::extends(context, &mut children)?);
             Ok(StatementKind::Variant { name, extends, text: children.text(), body })
         }
         "test" => super::test::test(context, children, body),
@@ -160,14 +160,6 @@ fn local(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Local> {
     Ok(Local { name, unit, value: expression::expr(context, children.expect(context, Rule::expr)?)? })
 }
 
-/// `extends A`
-pub(super) fn extends(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<Ident>> {
-    let Some(pair) = children.take(Rule::extends) else { return Ok(None) };
-    let mut inner = Children::new(pair);
-    inner.skip(Rule::kw_extends);
-    inner.name(context).map(Some)
-}
-
 fn equation(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
     let lhs = expression::expr(context, children.expect(context, Rule::expr)?)?;
     children.skip(Rule::equals);
@@ -242,7 +234,7 @@ fn flux(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
 fn component(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
     let name = children.name(context)?;
     let parameters = children.take(Rule::structural).map_or_else(|| Ok(Vec::new()), |pair| structural(context, pair))?;
-    let extends = extends(context, &mut children)?;
+    let extends = declaration::extends(context, &mut children)?;
     Ok(StatementKind::Component { name, parameters, extends, text: children.text(), body })
 }
 

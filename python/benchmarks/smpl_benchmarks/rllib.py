@@ -15,7 +15,7 @@ from smpl.envs import Env
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.plan import Task
-from smpl.policies import of_torchscript
+from smpl.learning.policy_files import of_torchscript
 from smpl.support.arguments import check_numbers
 from smpl_benchmarks.offline import needs
 

@@ -7,9 +7,22 @@ on the plan and on i alone.
 
 from smpl.learning.agents import Agent, agent
 from smpl.learning.plan import Plan, Task
+from smpl.learning.policy_files import load_policy
 from smpl.learning.running import RunError, run
 from smpl.learning.saved import save_policy
 from smpl.learning.starts import Starts
 from smpl.loop import Job, Settings
 
-__all__ = ["Agent", "Job", "Plan", "RunError", "Settings", "Starts", "Task", "agent", "run", "save_policy"]
+__all__ = [
+    "Agent",
+    "Job",
+    "Plan",
+    "RunError",
+    "Settings",
+    "Starts",
+    "Task",
+    "agent",
+    "load_policy",
+    "run",
+    "save_policy",
+]

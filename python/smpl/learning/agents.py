@@ -12,9 +12,10 @@ from typing import Any
 from smpl.controllers.identity import AnonymousError, Description, identity, name_of
 from smpl.envs import Env
 from smpl.learning.names import named, names
+from smpl.learning.policy_files import FILES, load_policy
 from smpl.learning.saved import in_its_formulation, sidecars
 from smpl.model import Model
-from smpl.policies import FILES, Rows, acted, as_policy, load_policy
+from smpl.policies import Rows, acted, as_policy
 from smpl.support.arguments import FloatArray
 
 

@@ -11,8 +11,8 @@ from typing import Any
 from smpl.envs import Env, Interface
 from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import FILE, Form, FormulatedPolicy, Formulation, LearnedBox, names_of
+from smpl.learning.policy_files import TRAINED
 from smpl.model import Model
-from smpl.policies import TRAINED
 from smpl.vector import VectorEnv
 
 

@@ -65,11 +65,14 @@ impl Environment {
     /// Returns whether the other implicit method may take the step: the failure is one of a method,
     /// and the model takes both.
     fn may_retry(&self) -> bool {
-        let cause = self.progress.verdict.solver_failure.map(|failure| failure.cause);
+        let failure = self.progress.verdict.solver_failure;
+        let cause = failure.map(|failure| failure.cause);
         let of_method = match cause {
             Some(Cause::NoConvergence | Cause::Singular | Cause::Inconsistent | Cause::Other(_)) => true,
             // A smaller limit is one of the work that a step may take.
-            Some(Cause::TooManySteps) => self.setup.settings.max_steps >= Solver::default().max_steps,
+            Some(Cause::TooManySteps) => {
+                failure.is_some_and(|f| f.event.is_none()) && self.setup.settings.max_steps >= Solver::default().max_steps
+            }
             _ => false,
         };
         of_method && self.trace.is_none() && self.drifts.is_empty() && self.setup.other_method().is_some()
