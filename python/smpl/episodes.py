@@ -22,17 +22,17 @@ class Details:
     """Record of an episode in addition to its transitions.
 
     Attributes:
-        physical: (T, actions), the actions in physical units, as they arrived at the model beneath all wrappers.
+        physical: (T, actions), actions in physical units, as they arrived beneath all wrappers.
         rewards: every declared reward by name, (T,).
         violations: of each constraint by name, (T + 1,).
         discrete: discrete variables by name, (T + 1,).
         disturbances: by name, in force during each step, (T,).
         phases: name of the phase, T + 1; empty for a model without a schedule.
-        parameters: by name, those of the episode that differ from the model's, and those that the caller asked for; of
-            a data set, those that it keeps.
+        parameters: by name, those of the episode that differ from the model's, and those that the
+            caller asked for; of a data set, those that it keeps.
         controller: its name.
-        readings: (T + 1, observations), in physical units, as the model showed them beneath all wrappers; None for an
-            episode of a data set.
+        readings: (T + 1, observations), in physical units, as the model showed them beneath all
+            wrappers; None for an episode of a data set.
     """
 
     physical: FloatArray
@@ -54,12 +54,13 @@ class Episode:
         seed: seed of the reset, if one was given.
         observations: (T + 1, observations), as the environment returned them.
         states: (T + 1, states), physical units; without columns where they were not kept.
-        actions: (T, actions), as the environment was given them: of its action space, in its precision.
+        actions: (T, actions), elements of the action space, in its precision.
         rewards, terminations, truncations: (T,).
         costs, times: (T + 1,).
         failure: empty where there was none.
         success: whether a success condition ended it.
-        options: those of the reset. With them and the seed the actions give the same episode again, bit for bit.
+        options: those of the reset. With them, the seed and the actions the episode is the same
+            again, bit for bit.
         details: the rest of the record; None for an episode that was imported.
     """
 
@@ -104,7 +105,7 @@ class Frame:
 
     Attributes:
         shown: observations of the model beneath all wrappers.
-        action: as the environment was given it; physical: as it arrived, None where scaling gives it.
+        action: argument of the environment; physical: as it arrived, None if scaling gives it.
     """
 
     observation: Array
@@ -142,7 +143,7 @@ def episode_of(
     place: int,
     kept: Sequence[str],
 ) -> Episode:
-    """The episode that began with `start` (one environment) and went on in row `place` of the frames."""
+    """The episode that began with `start` and went on in row `place` of the frames."""
 
     def steps(name: str) -> Array:
         return np.array([getattr(frame, name)[place] for frame in frames])

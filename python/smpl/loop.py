@@ -1,7 +1,7 @@
 """The episode loop, for one environment or a native batch.
 
-`run_jobs` is the only place in which a policy meets an environment: evaluation, collection and the benchmark call it.
-Both kinds of environment give the same bits.
+`run_jobs` is the only place in which a policy meets an environment: evaluation, collection and the
+benchmark call it. Both kinds of environment give the same bits.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Job:
         seed, options: as for `reset`.
         agent: number of the policy.
         shift: added to the actions, scaled to [-1, 1], (steps, actions); None without noise.
-        replaced: random actions in [-1, 1] that replace those of the policy, NaN where they do not; None without.
+        replaced: random actions in [-1, 1] instead of those of the policy, NaN elsewhere; or None.
     """
 
     index: int
@@ -291,7 +291,7 @@ def run_jobs(
 
 @dataclass
 class _Place:
-    """What runs in an environment: nothing is recorded without a job."""
+    """An environment of the loop, which is recorded while it has a job."""
 
     job: Job | None = None
     start: Frame | None = None
@@ -425,7 +425,7 @@ class _Loop:
 
 
 def disturbed(interface: Interface, job: Job, step: int, action: FloatArray) -> Array:
-    """The action with the noise of the job, in the precision of data sets: the same actions give the same episode.
+    """The action with the noise of the job, in the precision of data sets.
 
     Raises:
         ValueError: it is not finite.

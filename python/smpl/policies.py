@@ -35,8 +35,8 @@ class Rows:
         observations: as the environments returned them.
         states: physical units.
         steps: completed steps of each episode.
-        memory: one mapping per environment that the policy may write to; a reset replaces it by the `seed` of the
-            episode and its `number` since that seed was given.
+        memory: one mapping per environment that the policy may write to; a reset replaces it by
+            the `seed` of the episode and its `number` since that seed was given.
         places: indices of the rows in the batch `interface`; None for all.
     """
 
@@ -77,7 +77,7 @@ class Policy(Protocol):
 
 
 class _Controller:
-    """`action(env)` in physical units; `actions(rows)` for a batch, where the same class defines both."""
+    """`action(env)` in physical units; `actions(rows)` for a batch, if one class defines both."""
 
     physical = True
 
@@ -104,7 +104,7 @@ class _Controller:
 
 
 class _Shown:
-    """A function of what the environment returns, which answers with an element of the action space."""
+    """A function of the returned observation, which returns an element of the action space."""
 
     physical = False
     batched = False
@@ -118,8 +118,7 @@ class _Shown:
         check_spaces(self._policy, env.observation_space, env.action_space, env.unwrapped)
 
     def reset(self, env: Any, seed: int | None) -> None:
-        # A policy that draws does so with the generators of its library; in a batch there are none
-        # that draw.
+        # A policy that draws uses the generator of its library; it never acts in a batch.
         torch = sys.modules.get("torch")
         if torch is not None and isinstance(env, gymnasium.Env):
             base: Any = env.unwrapped
@@ -137,7 +136,7 @@ class _Shown:
 
 
 class _RLlib(_Shown):
-    """`compute_single_action(observation)`, which may return the action alone or with its memory."""
+    """`compute_single_action(observation)`, which returns the action alone or with its memory."""
 
     def answer(self, observation: Any) -> Any:
         found = self._policy.compute_single_action(observation, explore=False)
@@ -162,7 +161,7 @@ class _Predicting(_Shown):
 
 
 class _StableBaselines(_Predicting):
-    """`predict(observation, state, episode_start, deterministic)`, which returns the action and its hidden state."""
+    """`predict(observation, state, episode_start, deterministic)` with a hidden state."""
 
     def __init__(self, policy: Any) -> None:
         super().__init__(policy)
@@ -277,7 +276,7 @@ def acted(policy: Policy, rows: Rows, name: str) -> FloatArray:
 
 
 def check_view(env: Any, controller: Any) -> None:
-    """Refuse an environment that does not show the observation level that a controller declares in `sees`.
+    """Refuse an environment without the observation level that a controller declares in `sees`.
 
     Raises:
         ValueError: the environment shows another level; the message names the argument to give.
@@ -302,7 +301,7 @@ def check_spaces(policy: Any, observations: Any, actions: Any, env: Any) -> None
     """Refuse a policy whose observations or actions are not these, if it states its own.
 
     Raises:
-        ValueError: their numbers differ, or one has actions in [-1, 1] and the other in physical units.
+        ValueError: their numbers differ, or only one has actions in [-1, 1].
     """
     seen, given = (
         _shape(policy, "observation_space", "observation_shape"),
@@ -354,7 +353,7 @@ def as_action(given: Any) -> FloatArray:
 
 
 def draws(act: Callable[[], Any]) -> bool:
-    """Whether a call uses the random generator of torch, which is as before afterwards."""
+    """True if a call uses the random generator of torch; its state is restored."""
     torch = sys.modules.get("torch")
     if torch is None or not hasattr(torch, "get_rng_state"):
         return False

@@ -1,4 +1,4 @@
-"""Identity of a controller: what made it, as text, so that a collection is continued with the same one only.
+"""Identity of a controller, so that a collection is continued with the same one only.
 
 Compared are the class and the constructor arguments of an object, the qualified name and `version`
 of a function, and the digest of a policy file (`smpl.learning.agents.described`). Code is not
@@ -56,7 +56,7 @@ class Recorded:
 
 
 class Arguments:
-    """Constructor arguments, described when the description is needed; of a pickled object the description."""
+    """Constructor arguments, described on demand; of a pickled object the description."""
 
     def __init__(self, given: Mapping[str, Any], known: Description | None = None) -> None:
         # The episode of an environment does not matter: a controller meets it when it acts.
@@ -95,11 +95,11 @@ class _Lost(Arguments):
 
 
 def identity(thing: Any) -> Description:
-    """What made an object: entries from places (`.gain`, `.weights['T']`) to text.
+    """Entries from places (`.gain`, `.weights['T']`) to text: class and arguments of an object.
 
     Raises:
-        AnonymousError: a lambda, a closure, or an object whose constructor arguments are unknown; the message names the
-            alternatives.
+        AnonymousError: a lambda, a closure, or an object whose constructor arguments are unknown;
+            the message names the alternatives.
     """
     try:
         found = dict(_entries("", thing))

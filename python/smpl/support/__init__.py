@@ -1,1 +1,1 @@
-"""Checks of arguments, names, files and optional packages: used by every other part, and using none of them."""
+"""Checks of arguments, names, files and optional packages, for every other room."""
