@@ -6,6 +6,8 @@ define, as its own methods of their types do. In Python imports within functions
 
 import ast
 import re
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -295,8 +297,10 @@ def python_arrows(modules):
         for path, within in imports(ast.parse(file.read_text(encoding="utf-8"))) if file is not None else ():
             while path and path not in modules:
                 path = path.rpartition(".")[0]
-            if path and path != name:
+            # An import runs the modules of the packages around it too, but for those around the importer.
+            while path and not f"{name}.".startswith(f"{path}."):
                 places[path] = places.get(path, True) and within
+                path = path.rpartition(".")[0]
         graph[name] = set(places)
         if any(places.values()):
             late[name] = {path for path, within in places.items() if within}
@@ -308,6 +312,18 @@ def test_modules_of_the_package_depend_on_one_another_in_one_direction():
     assert sum(map(len, graph.values())) > len(graph), "the arrows are not seen"
     assert cycles(graph) == []
     assert late == LATE
+
+
+PACKAGE = python_modules(ROOT / "python", "smpl")
+
+
+@pytest.mark.parametrize("module", [name for name in PACKAGE if name.count(".") == 1 and "__" not in name])
+def test_every_module_and_room_can_be_imported_first(module):
+    for optional in ("jax", "torch", "stable_baselines3"):
+        if module == f"smpl.{optional}" or (module, optional) == ("smpl.sb3", "stable_baselines3"):
+            pytest.importorskip(optional)
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", f"import {module}"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_cycles_of_python_are_seen_through_functions_and_not_through_types(tmp_path):

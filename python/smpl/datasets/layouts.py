@@ -1,4 +1,4 @@
-"""Grids of initial states, and episodes as rows."""
+"""Episodes as rows."""
 
 from __future__ import annotations
 
