@@ -84,7 +84,9 @@ class Model:
     unknowns: int
     states: int
     reward: str
+    level: str
     levels: list[str]
+    sensors: list[tuple[float, int, int]]
     policies: list[str]
     def is_recipe(self, policy: str) -> bool: ...
     warnings: list[Diagnostic]

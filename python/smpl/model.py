@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -124,12 +123,7 @@ class Model(Named):
     @property
     def level(self) -> str:
         """The observation level that the model was compiled with, by its scenario too."""
-        given = str(self._arguments["observation"])
-        file = scenario_file(self._arguments["path"], self._arguments["scenario"])
-        if given != "default" or file is None:
-            return given
-        chosen = re.search(r"^observation:\s*['\"]?(\w+)", file.read_text(encoding="utf-8"), re.M)
-        return chosen[1] if chosen else given
+        return self.native.level
 
     def __repr__(self) -> str:
         return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
@@ -616,14 +610,6 @@ def _compile(
 
 def _recompile(arguments: dict[str, Any]) -> Model:
     return compile(**arguments)
-
-
-def scenario_file(path: str | None, scenario: str | None) -> Path | None:
-    """The file of a scenario that is given by its path or by a name, if there is one."""
-    if scenario is None or Path(scenario).is_file():
-        return None if scenario is None else Path(scenario)
-    beside = None if path is None else Path(path).with_suffix(f".{scenario}.yaml")
-    return beside if beside is not None and beside.is_file() else None
 
 
 def _portable(arguments: dict[str, Any]) -> dict[str, Any]:

@@ -155,6 +155,20 @@ impl Model {
         self.loaded.options.reward.clone().or(default).unwrap_or_default()
     }
 
+    /// The chosen observation level.
+    #[getter]
+    fn level(&self) -> &str {
+        &self.loaded.level
+    }
+
+    /// Sensors of the level, in the order of its observations: standard deviation of the noise,
+    /// steps between samples, steps of delay.
+    #[getter]
+    fn sensors(&self) -> Vec<(f64, u32, u32)> {
+        let observations = &self.loaded.model.interface().finish.observations;
+        observations.iter().map(|o| (o.noise, o.every, o.delay)).collect()
+    }
+
     #[getter]
     fn levels(&self) -> Vec<String> {
         self.loaded.model.interface().alternatives.levels.clone()

@@ -74,6 +74,8 @@ pub struct Loaded {
     pub model: Arc<CompiledModel>,
     /// Options of its environments from the scenario and the settings.
     pub options: EnvironmentOptions,
+    /// Observation level, by the call or else by the scenario.
+    pub level: String,
     /// All texts.
     pub sources: Arc<SourceMap>,
     /// Warnings of the compilation.

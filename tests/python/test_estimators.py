@@ -327,12 +327,27 @@ def test_an_estimator_of_another_level_is_refused():
         ExtendedKalmanFilter(smpl.compile("reactor"), parameters={"k": 1.0})
 
 
-def test_a_level_that_the_scenario_chooses_has_its_sensors(tmp_path):
+@pytest.mark.parametrize(
+    "text",
+    ["observation: online", '"observation": online', "observation : online", "{observation: online}",
+     "max_steps: 3\nobservation: 'online'  # default"],
+)  # fmt: skip
+def test_a_level_that_the_scenario_chooses_has_its_sensors(text, tmp_path):
     scenario = tmp_path / "online.yaml"
-    scenario.write_text("observation: online\n")
+    scenario.write_text(text + "\n")
     model = smpl.compile("reactor", scenario=scenario)
     assert (model.level, model.observation_names) == ("online", ("T", "h"))
     assert sensors(model).noise.tolist() == [0.1, 0.002]
+    # The level of the call takes the place of the scenario's, whose file is not read again.
+    laboratory = smpl.compile("reactor", scenario=scenario, observation="laboratory")
+    scenario.unlink()
+    assert model.level == "online" and laboratory.level == "laboratory"
+    found = sensors(laboratory)
+    assert (found.every.tolist(), found.delay.tolist(), found.noise.tolist()) == (
+        [1, 1, 5],
+        [0, 0, 3],
+        [0.1, 0.002, 0.005],
+    )
 
 
 @pytest.mark.parametrize("name", ["beer", "pensim"])

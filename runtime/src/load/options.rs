@@ -43,6 +43,7 @@ pub(super) fn finish(
     Ok(Loaded {
         model: Arc::new(model),
         options: environment,
+        level: options.observation.clone().or_else(|| scenario.observation.clone()).unwrap_or_else(|| "default".into()),
         sources: Arc::new(sources),
         warnings: Vec::new(),
         fingerprint: [0; 32],
