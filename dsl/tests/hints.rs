@@ -32,7 +32,7 @@ fn common_slips_come_with_the_right_spelling() {
             "table f over time { 0: 1, 1: 2 }",
             "the form is `table f : unit over time : h linear { 0: 1, 2: 3 }`, with `linear`, `from` or `until`",
         ),
-        ("param a = 1 ~ uniform(0, 2) in 0..3 clip bounds", "write `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`"),
+        ("param a = 1 ~ uniform(0, 2) in 0..3 clip bounds", "put `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`"),
         ("connect a", "the form is `connect M1.outlet -> R1.inlet`"),
     ];
     let advice = |text: &str| parse(text, FileId(0)).diagnostics.iter().filter_map(|fault| fault.help.clone()).collect::<Vec<_>>();

@@ -398,7 +398,7 @@ fn diagnose(error: &serde_yaml::Error, text: &str, file: FileId) -> Diagnostic {
     if let Some(key) = message.split('`').nth(1).filter(|_| message.contains(TWICE) || message.contains("duplicate field")) {
         let span = second_key(text, key, error.location().map_or(0, |l| l.index()), file);
         let message = format!("`{}` {TWICE}", shortened(key));
-        return Diagnostic::error(codes::BAD_SCENARIO, message, span).help("which of the two is meant is not known");
+        return Diagnostic::error(codes::BAD_SCENARIO, message, span).help("the intended one is not known");
     }
     let at = text.floor_char_boundary(error.location().map_or(0, |l| l.index()));
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n).max(at + usize::from(at < text.len()));

@@ -97,13 +97,13 @@ fn faults_of_data_files_are_named_with_their_lines() {
     let folder = folder("faults");
     let env = make();
     let cases = [
-        ("step,T\n1,13\n2,warm\n", ":3: column `T`: `warm` is no finite number"),
+        ("step,T\n1,13\n2,warm\n", ":3: column `T`: `warm` is not a finite number"),
         ("step,T\n1,13\n2\n", ":3: the row has 1 cells, the heading has 2"),
         ("step,T_c\n1,13\n", ":1: missing column T; the file has: step, T_c"),
         ("step;T\n1;13,5\n", ":1: the columns are separated by semicolons; a table has commas between them and points in its numbers"),
         ("T\n", ": no rows"),
-        ("T\n13\nNaN\n", ":3: column `T`: `NaN` is no finite number"),
-        ("T,u\n13,1\n,2\n", ":3: column `T`: an empty cell is no finite number"),
+        ("T\n13\nNaN\n", ":3: column `T`: `NaN` is not a finite number"),
+        ("T,u\n13,1\n,2\n", ":3: column `T`: an empty cell is not a finite number"),
     ];
     for (i, (content, expected)) in cases.iter().enumerate() {
         let path = folder.join(format!("{i}.csv"));

@@ -215,7 +215,7 @@ def test_a_change_within_a_step_is_reported(tmp_path, capfd):
     ("text", "says", "line"),
     [
         ("time,u\n0,1\n4,1\n2,1\n", "the column `time` has 2 after 4; times must increase", 4),
-        ("time,u\n0,1\nsoon,1\n", "column `time`: `soon` is no finite number", 3),
+        ("time,u\n0,1\nsoon,1\n", "column `time`: `soon` is not a finite number", 3),
         ("time,u\n-2,1\n0,1\n", "the column `time` has -2; a run begins at 0", 2),
         ("step,time,u\n1,10,1\n2,20,1\n", "the column `time` has 10 at step 1, which ends at 2", 2),
         ("time,u\n0,\n1,1\n", "column `u`: the record ends before the end of the first step, 2", 3),

@@ -82,7 +82,7 @@ impl Budget {
         }
         self.written_out += 1;
         let fault = Diagnostic::error(codes::TOO_LARGE, "more than a million terms and elements would be written out", span);
-        Verdict::Refused(Box::new(fault.help("use a `domain` in place of a large set: its cells stay a loop")))
+        Verdict::Refused(Box::new(fault.help("use a `domain` instead of a large set: its cells stay a loop")))
     }
 
     /// From here on nothing is elaborated or reported.
@@ -163,7 +163,7 @@ impl Budget {
         Some(
             fault
                 .label("so far the compiler came")
-                .help("use a `domain` in place of a large set, and name with `let` what is used again and again"),
+                .help("use a `domain` instead of a large set, and name with `let` what is used again and again"),
         )
     }
 }

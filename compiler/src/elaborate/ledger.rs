@@ -45,7 +45,7 @@ impl Ledger {
     pub(in crate::elaborate) fn may_name(&mut self, numbers: usize, span: Span) -> bool {
         let may = self.budget.may_name(numbers);
         if !may {
-            let fault = Diagnostic::error(codes::TOO_LARGE, "more than a million numbers would be observed or stand in boxes", span);
+            let fault = Diagnostic::error(codes::TOO_LARGE, "more than a million numbers would be observed or be in boxes", span);
             self.report(fault.label("each of them has a name").help("name single cells, or what is computed from them"));
         }
         may

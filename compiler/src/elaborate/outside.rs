@@ -26,7 +26,7 @@ pub(in crate::elaborate) fn check_settings(l: &mut Lowering<'_, '_>) {
         let known: Vec<&str> = parameters.chain(l.input.selection.chosen.keys().map(String::as_str)).collect();
         let base = name.split('[').next().unwrap_or_default();
         let text = if name.contains('[') && known.contains(&base) {
-            format!("`{name}` is no element of the parameter `{base}`; it has {}", l.symbols.elements(base, l.quantities))
+            format!("`{name}` is not an element of the parameter `{base}`; it has {}", l.symbols.elements(base, l.quantities))
         } else {
             let hint = did_you_mean(name, known.iter().copied()).unwrap_or_else(|| listing(&known));
             format!("unknown parameter or setting `{name}`: {hint}")

@@ -146,8 +146,8 @@ fn unknowns(at: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<Vec<VarId
     for item in at.items()? {
         let var = variable(&item, vars)?;
         match vars[var].role {
-            _ if std::mem::replace(&mut seen[var.index()], true) => return Err(item.fault("stands in the list already")),
-            Role::State if solved => return Err(item.fault("a state stands after an algebraic variable")),
+            _ if std::mem::replace(&mut seen[var.index()], true) => return Err(item.fault("is in the list already")),
+            Role::State if solved => return Err(item.fault("a state follows an algebraic variable")),
             Role::State => {}
             Role::Algebraic => solved = true,
             _ => return Err(item.fault(format!("`{}` is neither state nor algebraic variable", vars[var].name))),
@@ -363,7 +363,7 @@ fn check_covered(at: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let mut covered: Vec<Vec<bool>> = model.vars.values().map(|v| vec![false; v.len as usize]).collect();
     for (at, row) in at.items()?.zip(&model.rows) {
         if !model.unknowns.contains(&row.var) {
-            return Err(at.fault(format!("`{}` is no unknown", model.vars[row.var].name)));
+            return Err(at.fault(format!("`{}` is not an unknown", model.vars[row.var].name)));
         }
         let slots = &mut covered[row.var.index()];
         let passes = row.extents.iter().map(|&e| u64::from(e)).fold(1, u64::saturating_mul);

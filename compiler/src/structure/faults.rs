@@ -231,11 +231,11 @@ fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
     let v = &model.vars[var];
     let (what, help) = match v.role {
         Role::Action => ("an action: it is set from outside", "make it a `var`"),
-        Role::Param => ("a parameter: its value stands in its declaration", "write the value there, or make it a `let`"),
+        Role::Param => ("a parameter: its value is in its declaration", "write the value there, or make it a `let`"),
         Role::Discrete => {
             ("a discrete variable: it changes at sampling instants", "write `next` in `at start` or `at end`, or make it a `var`")
         }
-        Role::Disturbance => ("a disturbance: its rule stands in its declaration", "write `~ rule` there, or make it a `var`"),
+        Role::Disturbance => ("a disturbance: its rule is in its declaration", "write `~ rule` there, or make it a `var`"),
         _ => return None,
     };
     let d = Diagnostic::error(codes::OVERDETERMINED, format!("no equation can determine `{}`, {what}", v.name), span);

@@ -155,7 +155,7 @@ impl Matching<'_> {
         let mut refused = Faults::default();
         for &span in &self.too_large {
             let fault = Diagnostic::error(codes::TOO_LARGE, "an implicit equation over very many cells", span);
-            refused.push(fault.help("give each variable an equation of its own: `eq v[z] = ...`"));
+            refused.push(fault.help("give each variable its own equation: `eq v[z] = ...`"));
         }
         if !(unmatched.is_empty() && missing.is_empty()) {
             refused.append(faults::faults(model, &self.findings(unmatched, missing, unknown, &owner)));

@@ -165,7 +165,7 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "{" if keyword == "param" && before.contains('[') => "write values by member in a `table`: `table p[set] : unit = { a: 1, b: 2 }`",
         "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
         "~" if before.contains(" in ") => "write the distribution before the bounds: `= value ~ uniform(a, b) in low..high`",
-        "clip" if before.contains(" in ") => "write `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`",
+        "clip" if before.contains(" in ") => "put `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`",
         "" if keyword == "eq" && before.contains("==") => "here `=` defines; `==` compares",
         "==" => "here `=` defines; `==` compares",
         "else" if before.rfind("if ").is_some_and(|at| !before[at..].contains(" then ")) => {

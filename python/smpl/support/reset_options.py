@@ -32,7 +32,7 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
             seed of the reset if none).
 
     Raises:
-        ValueError: an unknown key or name, a wrong shape, or a value that is no finite number.
+        ValueError: an unknown key or name, a wrong shape, or a value that is not a finite number.
     """
     if not options:
         return None

@@ -26,7 +26,7 @@ fn check_source(path: &Path, header: &Header) -> Result<(), LoadError> {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => {
-            let message = format!("whether it belongs to {} cannot be told, which cannot be read: {}", file.display(), plain(&error));
+            let message = format!("whether it belongs to {} is unknown, since that cannot be read: {}", file.display(), plain(&error));
             Err(refuse(message))
         }
     };

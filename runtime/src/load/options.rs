@@ -101,9 +101,9 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
 fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
     let shapes_nothing = |name: &&String| model.interface().quantities.parameters.iter().any(|p| p.name == **name && !p.structural);
     let fault = |name: &String| {
-        let message = format!("`{name}` is no number of cells");
+        let message = format!("`{name}` is not a number of cells");
         Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "grid", name))
-            .help("values of parameters stand under `parameters`")
+            .help("values of parameters belong under `parameters`")
     };
     scenario.grid.keys().filter(shapes_nothing).map(fault).collect()
 }

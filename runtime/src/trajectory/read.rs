@@ -47,7 +47,7 @@ pub enum DataError {
         message: String,
     },
     /// A cell is no number.
-    #[error("{}:{line}: column `{column}`: {} is no finite number", path.display(), quoted(text))]
+    #[error("{}:{line}: column `{column}`: {} is not a finite number", path.display(), quoted(text))]
     NotANumber {
         /// The file.
         path: PathBuf,
@@ -358,7 +358,7 @@ fn fault(path: &Path, error: csv::Error) -> DataError {
             csv::ErrorKind::Io(source) => {
                 return DataError::Read { path: path.to_owned(), source };
             }
-            _ => "the file is no CSV table".into(),
+            _ => "the file is not a CSV table".into(),
         },
     };
     DataError::Malformed { path: path.to_owned(), line, message }
@@ -376,7 +376,7 @@ pub fn read_actions(path: &Path, catalogue: &Catalogue, clock: Clock) -> Result<
     let inputs = table.inputs(&columns, clock)?;
     if table.begins_with_start(&columns)? && !table.is_blank(0, &columns) {
         let message =
-            "an action stands in the row of step 0, the start, before any step: count the steps from 1, or leave the column `step` out";
+            "an action is in the row of step 0, the start, before any step: count the steps from 1, or leave the column `step` out";
         return Err(table.malformed(table.rows[0].0, message.into()));
     }
     Ok(inputs)

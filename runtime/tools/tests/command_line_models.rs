@@ -225,7 +225,7 @@ fn what_a_setting_cannot_be_is_said_with_what_can_be() {
     let model = file("unknown", "m.eq", COOLER);
     for (set, said) in [
         ("fault[4]=1", "fault[1], fault[2], fault[3]"),
-        ("fault[x]=1", "no element of the parameter `fault`"),
+        ("fault[x]=1", "not an element of the parameter `fault`"),
         ("fault=[0, 1]", "has 3 elements, not 2"),
         ("F=0.3", "`F` is an action"),
         ("F=0.3", "--actions"),

@@ -54,7 +54,7 @@ fn tables_that_do_not_count_the_steps_of_one_run_are_refused() {
             ("step,F,w\n2,1,1\n", "says 2 where 0, the start, or 1 is expected"),
             ("step,F,w\n1,1,1\n3,1,1\n", "says 3 where 2 is expected"),
             ("step,F,w\n0,,1\n", "the only row is that of the start"),
-            ("step,F,w\nfirst,1,1\n", "column `step`: `first` is no finite number"),
+            ("step,F,w\nfirst,1,1\n", "column `step`: `first` is not a finite number"),
         ];
         for (data, expected) in cases {
             let output = smpl(&["simulate", name(&model), option, name(&file("counted", "d.csv", data))]);

@@ -82,7 +82,7 @@ fn a_parameter_that_is_no_number_of_cells_is_refused_under_grid() {
     let folder = Folder::new("grid", TANK);
     folder.file("s.yaml", "grid: {n_c: 3, k: 3}\n");
     let (status, shown) = folder.errors(&["check", "m.eq", "--scenario", "s.yaml"]);
-    assert!(status == 1 && shown.contains("`k` is no number of cells") && shown.contains("s.yaml:1:16"), "{shown}");
+    assert!(status == 1 && shown.contains("`k` is not a number of cells") && shown.contains("s.yaml:1:16"), "{shown}");
     folder.file("s.yaml", "grid: {n_c: 3}\n");
     let output = folder.smpl(&["simulate", "m.eq", "--scenario", "s.yaml", "--out", "-"]);
     assert!(stdout(&output).contains(",c[3],"), "{}", stdout(&output));

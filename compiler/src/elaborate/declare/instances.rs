@@ -125,7 +125,7 @@ impl<'a> Declaring<'_, 'a> {
                     "instances of components would make more than 300,000 declarations and equations",
                     used,
                 )
-                .help("use indexed states or a `domain`, whose elements stay a loop, in place of instances"),
+                .help("use indexed states or a `domain`, whose elements stay a loop, instead of instances"),
             );
         }
         fits

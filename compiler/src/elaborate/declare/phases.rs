@@ -71,7 +71,7 @@ impl Ledger {
                 self.report(d.maybe_help(help));
             }
             if phase.duration.is_none() && phase.until.is_none() {
-                let text = format!("`{}` has a phase after it, but nothing that ends it", phase.name.text);
+                let text = format!("`{}` has a phase after it, but no end", phase.name.text);
                 let d = Diagnostic::error(codes::MISSING_CLAUSE, text, phase.name.span);
                 self.report(d.help("write `for 60 [min]` or `until condition`"));
             }

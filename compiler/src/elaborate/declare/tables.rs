@@ -123,7 +123,8 @@ impl<'a> Naming<'_, 'a> {
             let name = self.symbols.sets[set].name.clone();
             let help = self.ledger.reports.did_you_mean(&label.text, self.symbols.sets[set].labels.iter().map(String::as_str));
             self.ledger.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is no member of `{name}`", label.text), label.span).maybe_help(help),
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{}` is not a member of `{name}`", label.text), label.span)
+                    .maybe_help(help),
             );
         }
         found

@@ -245,7 +245,7 @@ fn steady_condition(l: &mut Lowering<'_, '_>, left: &Expr, right: &Expr, place: 
     let right = l.number_in(right, &unit, "the steady value", left.span, place);
     let difference = l.exprs.sub(value, right);
     if l.ledger.reports.diagnostics.len() == reports && !l.symbols.reads_unknown(l.exprs, difference) {
-        let message = "no state stands in this condition on the steady state";
+        let message = "this condition on the steady state contains no state";
         l.ledger
             .report(Diagnostic::error(codes::WRONG_KIND, message, left.span).help("give a state, or an expression of states, its value"));
     }
@@ -367,7 +367,7 @@ fn check_start(l: &mut Lowering<'_, '_>, value: ExprId, var: VarId, at: Affine, 
     l.ledger.report(
         Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the initial value of `{name}` reads {itself}"), span)
             .label(format!("`{name}` has no value yet"))
-            .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` in place of `{name}`")),
+            .help(format!("write the value out, or name it: `param {name}_0 : unit = ...`, then `{name}_0` instead of `{name}`")),
     );
 }
 

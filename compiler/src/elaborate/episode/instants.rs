@@ -129,7 +129,7 @@ pub(in crate::elaborate) fn instant_statement(
 ) {
     let place = Place::new(scope, Site::Instant);
     let Some(assigned) = Assigned::of(statement) else {
-        let message = "only `next`, `reset` and `clamp` may stand in `at`";
+        let message = "only `next`, `reset` and `clamp` are valid in `at`";
         return l.ledger.report(Diagnostic::error(codes::MISPLACED_BLOCK, message, statement.span));
     };
     let kind = match statement.kind {
@@ -285,7 +285,7 @@ fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], n
     l.ledger.report(
         Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a failure: the episode ends there, and nothing is set"), span)
             .secondary(failure, "declared here")
-            .help(format!("declare `event` with the same condition under another name, and write `at` that name in place of `at {name}`")),
+            .help(format!("declare `event` with the same condition under another name, and write `at` that name instead of `at {name}`")),
     );
 }
 
@@ -294,7 +294,7 @@ pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, 
     let ExprKind::Binary(op, a, b) = &condition.kind else {
         let help = match &condition.kind {
             ExprKind::Call { function, .. } | ExprKind::Reduce { function, .. } if matches!(function.text.as_str(), "any" | "all") => {
-                "compare the extreme of the elements: `max(T[z] for z) > T_max` in place of `any(T[z] > T_max for z)`"
+                "compare the extreme of the elements: `max(T[z] for z) > T_max` instead of `any(T[z] > T_max for z)`"
             }
             _ => "for example `h <= 0 [m]`",
         };

@@ -126,7 +126,7 @@ fn refuse_twice(l: &mut Lowering<'_, '_>, made: &[Observed], span: Span, known: 
             l.ledger.report(
                 Diagnostic::error(codes::DUPLICATE_NAME, format!("two observations are called `{}`", observed.name), span)
                     .secondary(first, "the first one")
-                    .help("give one a name of its own: `observe seen = x in low..high`"),
+                    .help("give one another name: `observe seen = x in low..high`"),
             );
         }
     }

@@ -105,7 +105,7 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
 fn observed_members(l: &mut Lowering<'_, '_>, span: Span, place: &Place, out: &mut Vec<Bounded>) {
     if place.depth > 0 && l.names.observed.iter().any(Bounded::has_loops) {
         let fault = Diagnostic::error(codes::WRONG_SHAPE, "the box of observed arrays inside of a loop", span);
-        l.ledger.report(fault.help("it does not depend on the index: let the condition stand outside"));
+        l.ledger.report(fault.help("it does not depend on the index: move the condition outside"));
         return;
     }
     out.extend(l.names.observed.clone());
@@ -211,7 +211,7 @@ pub(in crate::elaborate) fn target(
     let SymbolKind::Variable { var, axes, .. } = l.symbols[symbol].kind.clone() else {
         if !matches!(l.symbols[symbol].kind, SymbolKind::Faulty) {
             let path = l.symbols[symbol].path.clone();
-            l.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no variable that can be assigned"), e.span));
+            l.ledger.report(Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is not a variable that can be assigned"), e.span));
         }
         return None;
     };

@@ -75,7 +75,7 @@ impl Lowering<'_, '_> {
         let around = self.loops.frames.iter().take(place.depth.into()).fold(1, |n: i64, l| n.saturating_mul(l.passes));
         if around.saturating_mul(count) > MOST_PASSES {
             let fault = Diagnostic::error(codes::TOO_LARGE, "loops inside one another with more than a billion passes", span);
-            self.ledger.report(fault.help("sum over fewer indices: a product of sums in place of a sum of products"));
+            self.ledger.report(fault.help("sum over fewer indices: a product of sums instead of a sum of products"));
             return false;
         }
         true

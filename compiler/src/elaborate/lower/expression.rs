@@ -402,7 +402,7 @@ fn needs_itself(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Value {
     let chain = l.expansions.cycle(symbol, l.symbols);
     l.fault(
         Diagnostic::error(codes::CYCLIC_DEFINITION, format!("the definition of `{path}` needs itself{chain}"), at)
-            .help("make it a `var` with an equation of its own: then it is solved for"),
+            .help("make it a `var` with its own equation: then it is solved for"),
     )
 }
 

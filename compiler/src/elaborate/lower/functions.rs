@@ -79,7 +79,7 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
     if let Some(symbol) = declared {
         let at = l.symbols[symbol].span;
         return l.fault(
-            Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is no function"), function.span)
+            Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is not a function"), function.span)
                 .secondary(at, "declared here")
                 .help(format!("multiply with `*`: `{name} * (...)`")),
         );
@@ -92,7 +92,7 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
         _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
         _ => None,
     };
-    let message = if over_sets { format!("`{name}` runs over a set, here is none") } else { format!("unknown function `{name}`") };
+    let message = if over_sets { format!("`{name}` needs a set to run over") } else { format!("unknown function `{name}`") };
     let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
     l.fault(d)
 }

@@ -267,7 +267,7 @@ fn neighbour(
         l.ledger.report(
             Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), span)
                 .label("beside a face")
-                .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells beside it over their distance")),
+                .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells next to it over their distance")),
         );
         return Some(None);
     }
@@ -361,7 +361,7 @@ impl<'a> Naming<'_, 'a> {
                 None => crate::elaborate::symbols::listed(members.iter().map(String::as_str)),
             };
             self.ledger.report(
-                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is no member of `{name}`: {members}"), span)
+                Diagnostic::error(codes::OUT_OF_RANGE, format!("`{label}` is not a member of `{name}`: {members}"), span)
                     .label("not in the set")
                     .maybe_help(help),
             );
@@ -408,7 +408,7 @@ impl<'a> Symbols<'a> {
         d.label("cells of one number lie at different places")
             .secondary(given.declaration.name.span, "the index goes over this domain")
             .secondary(wanted.declaration.name.span, "the array over this one, which has other ends or another grid")
-            .help(format!("write `{a}.number` if the cell of the same number is meant"))
+            .help(format!("write `{a}.number` for the cell of the same number"))
     }
 
     fn label(&self, e: &Expr, place: &Place) -> Option<(String, Vec<String>)> {

@@ -126,7 +126,7 @@ pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagn
     let written = number.map_or_else(|| format!("`... as [{unit}]`"), |x| format!("`{x} [{unit}]`"));
     let other = number.map_or_else(|| "`... as [1]`".to_owned(), |x| format!("`{x} [1]`"));
     Diagnostic::warning(codes::BARE_NUMBER, format!("{counts} here"), span)
-        .label("beside a quantity in another scale")
+        .label("next to a quantity in another scale")
         .help(format!("write {written} if that is meant, {other} for the pure number"))
 }
 
@@ -140,7 +140,7 @@ pub(crate) fn of_a_point(function: &str, span: Span) -> Diagnostic {
 pub(crate) fn of_a_difference(function: &str, span: Span) -> Diagnostic {
     Diagnostic::error(codes::AFFINE_UNIT, format!("`{function}` takes a temperature, this is a difference of temperatures"), span)
         .label("counts from no zero")
-        .help("a difference is in K as it stands, its number `value(x, K)`; add it to a temperature for another one")
+        .help("a difference is in K already, its number `value(x, K)`; add it to a temperature for another one")
 }
 
 /// The number in a unit that arithmetic made.
@@ -177,9 +177,9 @@ fn repair(found: &Unit, wanted: &Unit) -> Option<String> {
     if found.commensurable(wanted) {
         // Same dimension: one of them is a point on a scale.
         return Some(if found.is_between_points() {
-            format!("a difference of temperatures is no point on a scale: give it in K, or add it to a temperature in {wanted}")
+            format!("a difference of temperatures is not a point on a scale: give it in K, or add it to a temperature in {wanted}")
         } else if wanted.is_point() {
-            format!("a point on a scale is meant: give it in {wanted}, or take `celsius(T)` of an absolute temperature")
+            format!("a point on a scale is needed: give it in {wanted}, or take `celsius(T)` of an absolute temperature")
         } else {
             "take a difference of two temperatures, or `kelvin(T)`".to_owned()
         });

@@ -139,10 +139,10 @@ impl Values<'_> {
                 (ExprKind::Name(Ident { text: a, .. }), ExprKind::Name(Ident { text: b, .. })) => format!(
                     "write the product rule, `{a} * d/dt {b} + {b} * d/dt {a}` (one term where the other factor is constant), or make the product a state and divide"
                 ),
-                _ => "write the product rule, or make the product a state of its own and divide".to_owned(),
+                _ => "write the product rule, or make the product a separate state and divide".to_owned(),
             },
             ExprKind::Name(_) | ExprKind::Index(..) | ExprKind::Member(..) => "declare it with `state`".to_owned(),
-            _ => "write out the derivative of the expression, or make it a state of its own".to_owned(),
+            _ => "write out the derivative of the expression, or make it a separate state".to_owned(),
         };
         self.fault(Diagnostic::error(codes::WRONG_KIND, "only a state has a time derivative", span).help(help))
     }

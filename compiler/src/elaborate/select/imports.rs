@@ -55,7 +55,7 @@ impl<'a> Gather<'a, '_> {
             match self.imports.get(path) {
                 Some(&imported) => self.file(imported, out),
                 None => {
-                    let message = format!("the file `{path}` was not found beside the model or in the library");
+                    let message = format!("the file `{path}` was not found next to the model or in the library");
                     self.faults.push(Diagnostic::error(codes::UNKNOWN_IMPORT, message, *path_span));
                 }
             }

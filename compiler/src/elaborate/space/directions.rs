@@ -148,7 +148,7 @@ fn settle(directions: &mut [Option<Direction>], faces: &[FaceValue], mark: usize
             return Err(Box::new(
                 Diagnostic::error(
                     codes::WRONG_KIND,
-                    "two terms of this flux carry this field, each with a velocity of its own",
+                    "two terms of this flux carry this field, each with its own velocity",
                     faces[mark].span,
                 )
                 .label("from which of both cells does it come?")

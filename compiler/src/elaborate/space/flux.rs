@@ -113,7 +113,7 @@ fn flux_named(l: &mut Lowering<'_, '_>, span: Span, e: &Expr, base: &Expr, place
         let path = l.symbols[symbol].path.clone();
         let declared = l.symbols[symbol].span;
         return Err(l.fault(
-            Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is no flux"), e.span)
+            Diagnostic::error(codes::WRONG_KIND, format!("`{path}` is not a flux"), e.span)
                 .secondary(declared, "declared here")
                 .help("declare `flux J[z] = v*c[z]` and write `div(J[z])`"),
         ));
