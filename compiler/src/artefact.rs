@@ -1,8 +1,10 @@
 //! Compiled models as bytes, to be loaded again by the same user on the same kind of machine.
 //!
-//! An artefact holds machine code. It is therefore sealed with a secret of the user ([`Key`], BLAKE3 in keyed mode): what another user, a
-//! download or a fault of the disk has made is refused before anything of it is decoded or mapped. The header names the
-//! format, the compiler, the processor's features and a [`fingerprint`] of source texts and options, so that a cache knows what it holds.
+//! An artefact holds machine code. It is therefore sealed with a secret of the user ([`Key`],
+//! BLAKE3 in keyed mode): what another user, a download or a fault of the disk has made is refused
+//! before anything of it is decoded or mapped. The header names the format, the compiler, the
+//! processor's features and a [`fingerprint`] of source texts and options, so that a cache knows
+//! what it holds.
 
 use std::io;
 use std::path::PathBuf;
@@ -172,8 +174,8 @@ fn open<'b>(bytes: &'b [u8], key: &Key) -> Result<(Header, &'b [u8]), ArtefactEr
 }
 
 impl CompiledModel {
-    /// Hash of the flat equations, of all that lies in memory by them, and of the compiler's version: the same for compilations of the same text with
-    /// the same options, on any processor.
+    /// Hash of the flat equations, of all that lies in memory by them, and of the compiler's
+    /// version: the same for compilations of the same text with the same options, on any processor.
     ///
     /// # Errors
     /// If the model cannot be encoded.

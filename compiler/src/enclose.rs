@@ -1,12 +1,16 @@
-//! Bounds of expressions over a box of unknowns and a span of time: the natural interval extension, as expressions.
+//! Bounds of expressions over a box of unknowns and a span of time: the natural interval extension,
+//! as expressions.
 //!
-//! An expression that depends on unknowns or time becomes a pair of expressions, its lower and its upper bound. In them an unknown's value stands for its
-//! lower bound and its derivative for its upper bound; time is the beginning of the span, and the scalar argument of a function its end. So the bounds are
-//! compiled, hoisted and kept in loops like any other function. Truth values become the pair *certainly* and *possibly*.
+//! An expression that depends on unknowns or time becomes a pair of expressions, its lower and its
+//! upper bound. In them an unknown's value stands for its lower bound and its derivative for its
+//! upper bound; time is the beginning of the span, and the scalar argument of a function its end.
+//! So the bounds are compiled, hoisted and kept in loops like any other function. Truth values
+//! become the pair *certainly* and *possibly*.
 //!
-//! A bound is not a number where the box exceeds the domain of a function (`sqrt(x)` with negative x).
-//! Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation allows, and loose where an unknown occurs several times;
-//! a smaller box makes them tighter (R. E. Moore, *Interval Analysis*, Prentice-Hall 1966, chapter 4).
+//! A bound is not a number where the box exceeds the domain of a function (`sqrt(x)` with negative
+//! x). Bounds are those of exact arithmetic, up to rounding. They are as tight as each operation
+//! allows, and loose where an unknown occurs several times; a smaller box makes them tighter (R. E.
+//! Moore, *Interval Analysis*, Prentice-Hall 1966, chapter 4).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -31,7 +35,8 @@ impl<'a> Encloser<'a> {
         Self { model, builtins, done: FastMap::default() }
     }
 
-    /// Lower and upper bound of a number; `None` where it reads rates, of which no bounds are known.
+    /// Lower and upper bound of a number; `None` where it reads rates, of which no bounds are
+    /// known.
     pub(crate) fn bounds(&mut self, e: ExprId) -> Option<Pair> {
         if self.model.exprs.has_derivative(e) {
             return None;
@@ -116,7 +121,8 @@ impl<'a> Encloser<'a> {
         })
     }
 
-    /// Bounds of a delayed value over the span of time, where a node is the first term of one. The second term of the sum is zero.
+    /// Bounds of a delayed value over the span of time, where a node is the first term of one. The
+    /// second term of the sum is zero.
     fn delayed(&mut self, e: ExprId) -> Option<Pair> {
         let Expr::Load { var, flavour: Flavour::Value, at } = self.model.exprs.node(e) else { return None };
         if self.model.vars[var].role != Role::Delayed {

@@ -1,12 +1,14 @@
 //! Explicit time in the equations, which the integrator has to know in advance, since no error test
 //! sees it.
 //!
-//! * *Breaks*: times at which an equation changes its form, a knot of a table over time, `t > a`, `floor(t/a)`. Every expression of time
-//!   and a step's inputs alone that is linear between breaks has its slope worked out here, so that the next break is one division away:
-//!   `t - v/slope` for the value `v` whose sign changes there. What is nested (a table at `mod(t, a)`) needs nothing more: between
-//!   breaks the inner function is linear too.
-//! * *Forcings*: everything else that time moves, `sin(w*t)` or `exp(-k*t)`: the smallest expressions that hold it whole. The integrator
-//!   looks at them all over the interval before it chooses its steps.
+//! * *Breaks*: times at which an equation changes its form, a knot of a table over time, `t > a`,
+//!   `floor(t/a)`. Every expression of time and a step's inputs alone that is linear between breaks
+//!   has its slope worked out here, so that the next break is one division away: `t - v/slope` for
+//!   the value `v` whose sign changes there. What is nested (a table at `mod(t, a)`) needs nothing
+//!   more: between breaks the inner function is linear too.
+//! * *Forcings*: everything else that time moves, `sin(w*t)` or `exp(-k*t)`: the smallest
+//!   expressions that hold it whole. The integrator looks at them all over the interval before it
+//!   chooses its steps.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +27,8 @@ pub(crate) type Looped = (Vec<(u8, u32)>, ExprId);
 
 /// Queries of the integrator.
 pub(crate) struct ExplicitTime {
-    /// The next break from the present time on, infinite if none. `None` where there are no breaks at all.
+    /// The next break from the present time on, infinite if none. `None` where there are no breaks
+    /// at all.
     pub next_break: Option<ExprId>,
     /// All forcings.
     pub forcings: Vec<Looped>,
@@ -101,7 +104,8 @@ impl<'a> Collector<'a> {
                         [Role::Param, Role::Action, Role::Discrete, Role::Disturbance, Role::Draw, Role::Builtin, Role::ParamGiven];
                     Moves { time: false, unknowns: !inputs.contains(&role) }
                 }
-                // Delayed values are smooth between the breaks that the runtime knows, and its steps have followed them.
+                // Delayed values are smooth between the breaks that the runtime knows, and its
+                // steps have followed them.
                 _ if model.is_delayed(id) => Moves { time: false, unknowns: true },
                 _ => model.exprs.operands(id).fold(Moves::default(), |sum, o| Moves {
                     time: sum.time || moves[o].time,

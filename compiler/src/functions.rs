@@ -1,4 +1,5 @@
-//! The functions that a model is compiled to: what each computes, may touch and may know beforehand.
+//! The functions that a model is compiled to: what each computes, may touch and may know
+//! beforehand.
 
 use crate::differentiate::Rows;
 use crate::explicit_time::ExplicitTime;
@@ -78,7 +79,8 @@ impl Function {
         }
     }
 
-    /// Returns `true` if it comes from a program, which is often written element by element; equations are loops already.
+    /// Returns `true` if it comes from a program, which is often written element by element;
+    /// equations are loops already.
     pub(crate) fn is_program(self) -> bool {
         matches!(
             self,

@@ -1,7 +1,8 @@
 //! Moves what does not change between calls out of the functions of the inner loop.
 //!
-//! Every node has a [`Stage`]: when its value can first be known. Maximal sub-expressions that are known before a function runs
-//! become loads of cache variables, which two preparing functions fill: one when parameters are set, one at the start of each step.
+//! Every node has a [`Stage`]: when its value can first be known. Maximal sub-expressions that are
+//! known before a function runs become loads of cache variables, which two preparing functions
+//! fill: one when parameters are set, one at the start of each step.
 
 use std::collections::hash_map::Entry;
 

@@ -1,8 +1,9 @@
 //! Memory of every variable: one workspace per instance, the unknowns outside of it.
 //!
-//! The workspace is one buffer of numbers. Regions hold the variables of one role each, in the order of their ids; the frames
-//! `Initial`, `Previous` and `Steady` are copies of four regions (`y`, actions, discrete variables, disturbances) at other
-//! instants. Caches and working memory of the compiled functions come last.
+//! The workspace is one buffer of numbers. Regions hold the variables of one role each, in the
+//! order of their ids; the frames `Initial`, `Previous` and `Steady` are copies of four regions
+//! (`y`, actions, discrete variables, disturbances) at other instants. Caches and working memory of
+//! the compiled functions come last.
 
 use std::ops::Range;
 
@@ -135,7 +136,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Places the variables of a model; `columns` numbers of working memory for compiled functions come on top.
+    /// Places the variables of a model; `columns` numbers of working memory for compiled functions
+    /// come on top.
     #[must_use]
     pub fn new(model: &Model, columns: u32) -> Layout {
         let mut layout = Layout::empty();
@@ -166,7 +168,8 @@ impl Layout {
             *size += variable.len;
         }
         sizes[0] = sizes[0].max(BUILTIN_COUNT);
-        // A model may declare only some of its parameters' flags; the region mirrors the parameters.
+        // A model may declare only some of its parameters' flags; the region mirrors the
+        // parameters.
         sizes[2] = sizes[2].max(sizes[1]);
         layout.place(sizes, caches, scratch, columns);
         layout
@@ -243,7 +246,8 @@ impl Layout {
         start as usize..(start + len) as usize
     }
 
-    /// Offset of a variable inside its region, of an unknown in `y`; `None` for a variable without memory.
+    /// Offset of a variable inside its region, of an unknown in `y`; `None` for a variable without
+    /// memory.
     #[must_use]
     pub fn offset(&self, var: VarId) -> Option<usize> {
         self.offsets[var].map(|o| o as usize)

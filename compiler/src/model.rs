@@ -73,7 +73,7 @@ impl Model {
         self.delays.iter().map(|delay| delay.count as usize).sum()
     }
 
-    /// Whether a node is a delayed value, `v + s*((t - theta) - a)`.
+    /// True if a node is a delayed value, `v + s*((t - theta) - a)`.
     #[must_use]
     pub(crate) fn is_delayed(&self, e: ExprId) -> bool {
         let Expr::Binary(BinaryFn::Add, a, b) = self.exprs.node(e) else { return false };
@@ -81,7 +81,7 @@ impl Model {
         earlier(a) || earlier(b)
     }
 
-    /// What is delayed and by how much, with the extents of the loops around.
+    /// Delayed expression and dead time, with the extents of the surrounding loops.
     pub(crate) fn past(&self) -> Vec<(ExprId, [u32; MAX_DEPTH])> {
         let nests = self.programs.delayed.nests.iter().chain(&self.programs.lags.nests);
         let each = nests.flat_map(|nest| {

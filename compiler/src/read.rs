@@ -7,8 +7,8 @@ use smpl_dsl::span::FileId;
 use smpl_dsl::stack::on_own_stack;
 use smpl_dsl::syntax::{File, Statement, StatementKind, TablePoints, TimeTable};
 
-/// Finds the text of a `use "path"`: its name for messages and its content. Refusing paths outside the model's folder and the library is
-/// the loader's duty.
+/// Finds the text of a `use "path"`: its name for messages and its content. Refusing paths outside
+/// the model's folder and the library is the loader's duty.
 pub type Loader<'l> = dyn FnMut(&str) -> Option<(String, String)> + Send + 'l;
 
 /// Most files of one model.
@@ -36,7 +36,8 @@ pub fn read_sources(sources: &mut SourceMap, main: FileId, loader: &mut Loader) 
     on_own_stack(|| read(sources, main, None, loader));
 }
 
-/// The main file and what it imports, each once. The statements of `extra` follow those of the main file as if they stood there.
+/// The main file and what it imports, each once. The statements of `extra` follow those of the main
+/// file as if they stood there.
 pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader: &mut Loader) -> Read {
     let mut out = Read { files: Vec::new(), imports: HashMap::new(), ids: vec![main], data: Data::new(), faults: Faults::default() };
     let mut at = 0;
@@ -104,7 +105,8 @@ fn imported(statements: &[Statement], out: &mut Vec<String>) {
     }
 }
 
-/// The faults of texts and those of the next pass that do not follow from them: what a faulty statement would have declared is not missing.
+/// The faults of texts and those of the next pass that do not follow from them: what a faulty
+/// statement would have declared is not missing.
 pub(crate) fn independent(sources: &SourceMap, mut faults: Faults, mut later: Faults) -> Faults {
     let broken = words_of(sources, &faults);
     later.retain(|d: &Diagnostic| {

@@ -1,11 +1,15 @@
-//! Switches of the equations: where comparisons, extrema and rounding make them change their form as unknowns move.
+//! Switches of the equations: where comparisons, extrema and rounding make them change their form
+//! as unknowns move.
 //!
-//! A *jump* is a switch at which an equation has two values: a comparison that chooses between different branches, `sign`, `floor`, a table of steps. A *kink*
-//! is one at which both forms agree: `abs`, `min`, `max`, a table of straight lines, a comparison whose branches meet. Each is a root function that changes its
-//! sign where the form changes. The integrator stops at jumps; at a kink it stops only if a step would otherwise pass a form without meeting it.
+//! A *jump* is a switch at which an equation has two values: a comparison that chooses between
+//! different branches, `sign`, `floor`, a table of steps. A *kink* is one at which both forms
+//! agree: `abs`, `min`, `max`, a table of straight lines, a comparison whose branches meet. Each is
+//! a root function that changes its sign where the form changes. The integrator stops at jumps; at
+//! a kink it stops only if a step would otherwise pass a form without meeting it.
 //!
-//! Switches that depend linearly on time alone are breaks (see [`explicit_time`](crate::explicit_time)). Everything inside of `smooth(...)`
-//! is left to the error test.
+//! Switches that depend linearly on time alone are breaks (see
+//! [`explicit_time`](crate::explicit_time)). Everything inside of `smooth(...)` is left to the
+//! error test.
 
 use std::f64::consts::PI;
 
@@ -23,7 +27,8 @@ use crate::model::Model;
 /// Passes of the loops around, by counter; 0 where there is none.
 type Extents = [u32; MAX_DEPTH];
 
-/// Nodes that are evaluated at most to find out whether the forms of a model agree where they meet; switches that are left are jumps.
+/// Nodes that are evaluated at most to find out whether the forms of a model agree where they meet;
+/// switches that are left are jumps.
 const EFFORT: usize = 1 << 18;
 
 /// Relative difference of two values that are one.
@@ -35,7 +40,8 @@ const POINTS: u32 = 64;
 /// Switches over a nest of loops.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Switch {
-    /// The loops around by counter and number of passes, outermost first, and a root function of unknowns and time.
+    /// The loops around by counter and number of passes, outermost first, and a root function of
+    /// unknowns and time.
     pub root: Looped,
     /// The form at zero is that of negative values.
     pub strict: bool,
@@ -43,7 +49,8 @@ pub(crate) struct Switch {
     pub guide: Option<ExprId>,
     /// Both forms agree where they meet.
     pub kink: bool,
-    /// Quantity that is compared: switches of one group look at one quantity. Each pass of the loops has a group of its own, but for the last `shared` loops.
+    /// Quantity that is compared: switches of one group look at one quantity. Each pass of the
+    /// loops has a group of its own, but for the last `shared` loops.
     pub group: u32,
     /// Number of loops, counted from the last, over the thresholds of one quantity.
     pub shared: usize,
@@ -219,7 +226,8 @@ impl Maker<'_> {
         Some(Switch { root: (loops, value), guide, strict, kink, group, shared })
     }
 
-    /// Functions that change their sign where `floor(a)` and the like jump: the distance to the nearest whole number, with the sign of its parity; and a wave.
+    /// Functions that change their sign where `floor(a)` and the like jump: the distance to the
+    /// nearest whole number, with the sign of its parity; and a wave.
     fn whole(&mut self, f: UnaryFn, a: ExprId) -> (ExprId, ExprId) {
         let x = &mut *self.exprs;
         let [half, one, two, pi] = [0.5, 1.0, 2.0, PI].map(|number| x.constant(number));
@@ -236,7 +244,8 @@ impl Maker<'_> {
         (x.mul(sign, distance), x.unary(UnaryFn::Sin, turn))
     }
 
-    /// The distance from each limit of a list, over a loop of its own; `None` where there is no counter for it.
+    /// The distance from each limit of a list, over a loop of its own; `None` where there is no
+    /// counter for it.
     fn passed(&mut self, limits: List, a: ExprId, loops: &mut Vec<(u8, u32)>) -> Option<ExprId> {
         // Counters of reductions below may not be bound again.
         let mut used = self.exprs.free(a);
@@ -262,9 +271,11 @@ impl Maker<'_> {
         })
     }
 
-    /// Returns whether the two forms of what contains a switch agree where its quantity is at the threshold.
+    /// Returns whether the two forms of what contains a switch agree where its quantity is at the
+    /// threshold.
     fn meets(&mut self, switch: ExprId, quantity: ExprId, threshold: ExprId, forms: [ExprId; 2]) -> bool {
-        // The branches themselves, where nothing else looks at the comparison: they may agree where whole equations are too large to look at.
+        // The branches themselves, where nothing else looks at the comparison: they may agree where
+        // whole equations are too large to look at.
         let choices = self.choices.get(&switch).cloned().flatten();
         let at = |x: &mut Exprs, e: ExprId, form: ExprId| {
             let mut done = Rewritten::from_iter([(switch, form), (quantity, threshold)]);
@@ -333,7 +344,8 @@ fn somewhere(point: u32, var: VarId, flavour: Flavour, at: i64) -> f64 {
     0.5 + (mixed >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Functions that the integrator watches: the conditions of events, then the switches of the equations.
+/// Functions that the integrator watches: the conditions of events, then the switches of the
+/// equations.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Watched {
     /// The switches.

@@ -31,8 +31,8 @@ impl<'py, T: Element> Fresh<'py, T, Ix3> {
 impl<'py, T: Element, D: Dimension> Fresh<'py, T, D> {
     /// All elements, row after row.
     pub fn elements(&mut self) -> &mut [T] {
-        // SAFETY: the array was made by this type and has not left it, so this is the only access to its memory; new
-        // arrays are contiguous.
+        // SAFETY: the array was made by this type and has not left it, so this is the only access
+        // to its memory; new arrays are contiguous.
         unsafe { self.0.as_slice_mut() }.unwrap_or_default()
     }
 

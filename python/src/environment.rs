@@ -68,7 +68,8 @@ impl Env {
         Ok((observation(py, environment, *normalise), keys.info(py, environment)?))
     }
 
-    /// Takes a step; a `TypeError`, and nothing is stepped, if the action is no plain vector of doubles.
+    /// Takes a step; a `TypeError`, and nothing is stepped, if the action is no plain vector of
+    /// doubles.
     fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         let action = action.cast_exact::<PyArray1<f64>>()?;
         let mut inner = self.inner.enter()?;

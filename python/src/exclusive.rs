@@ -21,7 +21,8 @@ impl<T> Exclusive<T> {
     /// Access to the value.
     ///
     /// # Errors
-    /// A `SimulationError` while another thread has access: waiting for it would hold the interpreter lock.
+    /// A `SimulationError` while another thread has access: waiting for it would hold the
+    /// interpreter lock.
     pub fn enter(&self) -> PyResult<MutexGuard<'_, T>> {
         match self.value.try_lock() {
             Ok(guard) => Ok(guard),

@@ -13,7 +13,8 @@ pub struct Keys {
     rewards: Vec<Py<PyString>>,
     phases: Vec<Py<PyString>>,
     with_state: bool,
-    /// Dictionaries of all keys with what most steps say, nothing failed, no limit was violated: a copy of one has its places already.
+    /// Dictionaries of all keys with what most steps say, nothing failed, no limit was violated: a
+    /// copy of one has its places already.
     blank: [Py<PyDict>; 3],
 }
 

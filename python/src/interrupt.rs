@@ -9,7 +9,8 @@ use smpl_runtime::interrupt;
 use crate::errors::{fault, guarded, panicked};
 
 thread_local! {
-    /// The exception of a signal's handler, to be raised when the computation on this thread has stopped.
+    /// The exception of a signal's handler, to be raised when the computation on this thread has
+    /// stopped.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
@@ -18,7 +19,8 @@ pub fn install() {
     interrupt::set_hook(signalled);
 }
 
-/// Runs the handlers of signals that have come; whether one of them raised an exception. Only the main thread has any.
+/// Runs the handlers of signals that have come; whether one of them raised an exception. Only the
+/// main thread has any.
 fn signalled() -> bool {
     let seen = || {
         RAISED.with(|raised| {
@@ -34,7 +36,8 @@ fn signalled() -> bool {
     catch_unwind(AssertUnwindSafe(seen)).unwrap_or(false)
 }
 
-/// Runs `work` without the interpreter lock. A panic in it becomes an exception, and so does a signal that came meanwhile.
+/// Runs `work` without the interpreter lock. A panic in it becomes an exception, and so does a
+/// signal that came meanwhile.
 pub fn released<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let result = guarded(|| py.detach(work));
     match RAISED.take() {
@@ -43,7 +46,8 @@ pub fn released<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyR
     }
 }
 
-/// Runs `work` on a thread of its own with a stack that suits a compiler. When a signal comes the caller goes on at once, and what the thread finds is dropped.
+/// Runs `work` on a thread of its own with a stack that suits a compiler. When a signal comes the
+/// caller goes on at once, and what the thread finds is dropped.
 pub fn aside<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
     use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 

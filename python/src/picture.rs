@@ -1,4 +1,5 @@
-//! Classes `Picture` and `Recording`: episodes and saved runs as they are drawn by the command line.
+//! Classes `Picture` and `Recording`: episodes and saved runs as they are drawn by the command
+//! line.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -116,7 +117,8 @@ impl Recording {
         })
     }
 
-    /// Goes back to the point at which the environment is again; whether that is one of those recorded.
+    /// Goes back to the point at which the environment is again; whether that is one of those
+    /// recorded.
     fn go_back(&mut self, env: &Env) -> PyResult<bool> {
         let rows = env.with_mut(|environment| environment.steps() as usize + 1)?;
         let is_known = rows <= self.recorder.table().len();

@@ -60,8 +60,9 @@ fn rules_error(error: &RulesError) -> PyErr {
     }
 }
 
-/// Values of a recorded input for the steps of a run, and the first step, from 0, within which a held one changes. With `end` a value holds after its time and the
-/// last one until `end`; without it holds before its time.
+/// Values of a recorded input for the steps of a run, and the first step, from 0, within which a
+/// held one changes. With `end` a value holds after its time and the last one until `end`; without
+/// it holds before its time.
 #[pyfunction]
 pub fn on_steps(
     times: Vec<f64>,

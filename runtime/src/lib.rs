@@ -1,9 +1,9 @@
 //! smpl-runtime: compiled models in motion.
 //!
 //! [`solver`] integrates; [`environment`] turns a compiled model into episodes with actions,
-//! rewards and failures; [`batch`] runs many instances on several threads, [`rollout`] many action
+//! rewards and failures. [`batch`] runs many instances on several threads, [`rollout`] many action
 //! sequences from given states; [`sensitivity`] differentiates steps. [`steady`], [`linearize`] and
-//! [`spectrum`] find and describe points of rest; [`start`] solves for the start of an episode;
+//! [`spectrum`] find and describe points of rest; [`start`] solves for the start of an episode.
 //! [`trajectory`] reads and writes tables, [`files`] writes anything; [`load`] goes from a file to
 //! a model ready to run; [`interrupt`] stops long computations.
 //!

@@ -1,8 +1,9 @@
-//! What delayed expressions were, and when they change their form.
+//! Past values of delayed expressions, and the times at which they change their form.
 //!
-//! A model with `delay(e, theta)` reads inputs that follow from its past. Every accepted step is sampled into polynomials (`record`), and the places at
-//! which these are not smooth become breaks of the integration (`marks`), so that a step sees one form of each delayed value. No step is longer than
-//! the shortest dead time, so that what it reads is known.
+//! A model with `delay(e, theta)` reads inputs that follow from its past. Every accepted step is
+//! sampled into polynomials (`record`), and the places at which these are not smooth become breaks
+//! of the integration (`marks`), so that a step sees one form of each delayed value. No step is
+//! longer than the shortest dead time, so that what it reads is known.
 
 mod marks;
 mod record;
@@ -39,7 +40,7 @@ const AHEAD: f64 = 1e-7;
 /// Part of a dead time by which a time may exceed what is recorded.
 const SLACK: f64 = 1e-9;
 
-/// Where the delayed values come from.
+/// Source of the delayed values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Source {
     /// They are the present ones.
@@ -69,7 +70,7 @@ pub enum PastError {
     },
 }
 
-/// What a snapshot keeps.
+/// Data of a snapshot.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Kept {
     source: Source,
@@ -148,7 +149,7 @@ impl Past {
         })
     }
 
-    /// What a snapshot keeps.
+    /// Data of a snapshot.
     pub(crate) fn kept(&self) -> &Kept {
         &self.kept
     }
@@ -187,8 +188,9 @@ impl Past {
         if self.kept.source == Source::Record { self.kept.marks.next() } else { f64::INFINITY }
     }
 
-    /// Fills the delayed values at a point. `strictly`: those of a time that is not recorded yet are not numbers, so that a step to there is shortened;
-    /// otherwise they go on along straight lines.
+    /// Fills the delayed values at a point. `strictly`: those of a time that is not recorded yet
+    /// are not numbers, so that a step to there is shortened; otherwise they go on along straight
+    /// lines.
     pub(crate) fn fill(&mut self, model: &CompiledModel, memory: &mut Memory, at: Point<'_>, strictly: bool) {
         if self.kept.source != Source::Record {
             self.fill_present(model, memory, at);
@@ -220,8 +222,9 @@ impl Past {
         }
     }
 
-    /// Fills the delayed values without a record; repeatedly, where they read each other or what follows from them. Returns by how much they differ in
-    /// the last two repetitions, in parts of themselves.
+    /// Fills the delayed values without a record; repeatedly, where they read each other or what
+    /// follows from them. Returns by how much they differ in the last two repetitions, in parts of
+    /// themselves.
     fn fill_present(&mut self, model: &CompiledModel, memory: &mut Memory, at: Point<'_>) -> f64 {
         model.lags(memory, at.t, at.y, at.yp, &mut self.other);
         for (slots, lag) in memory.region_mut(Region::Delayed).chunks_exact_mut(SLOTS).zip(&self.other) {
@@ -293,7 +296,7 @@ impl Past {
         Ok(())
     }
 
-    /// What follows from the dead times.
+    /// Limits that follow from the dead times.
     fn measure(&mut self) {
         self.distinct.clear();
         for (lag, changes) in self.kept.lags.iter().zip(&self.changes) {
@@ -333,7 +336,8 @@ impl Past {
         }
     }
 
-    /// An integration begins at a time and state, which may not be consistent yet: what was recorded later is forgotten.
+    /// An integration begins at a time and state, which may not be consistent yet: what was
+    /// recorded later is forgotten.
     pub(crate) fn begin(&mut self, model: &CompiledModel, memory: &mut Memory, at: Point<'_>) {
         if self.kept.source != Source::Record {
             return;
@@ -356,7 +360,8 @@ impl Past {
         marks.begin(at.t, self.directly, &self.distinct);
     }
 
-    /// An integration has begun at this point: notes whether delayed expressions jump there, or have a kink.
+    /// An integration has begun at this point: notes whether delayed expressions jump there, or
+    /// have a kink.
     pub(crate) fn begun(&mut self, model: &CompiledModel, memory: &mut Memory, at: Point<'_>, rtol: f64) {
         if self.kept.source != Source::Record {
             return;
@@ -432,7 +437,8 @@ impl Past {
     }
 }
 
-/// Whether what is delayed reads delayed values, algebraic unknowns or rates: then it jumps where these do.
+/// Returns `true` if what is delayed reads delayed values, algebraic unknowns or rates: then it
+/// jumps where these do.
 fn reads_directly(model: &CompiledModel) -> bool {
     let model = model.model();
     let program: &Program = &model.programs.delayed;

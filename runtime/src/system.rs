@@ -127,7 +127,7 @@ impl CompiledSystem {
         self.past.iter_mut().for_each(|past| past.trim(t));
     }
 
-    /// What a snapshot keeps of the past.
+    /// Past data of a snapshot.
     pub(crate) fn past(&self) -> Option<&Kept> {
         self.past.as_ref().map(|past| past.kept())
     }

@@ -37,9 +37,11 @@ impl CompiledModel {
             return self.call_pieces(function, Call { t, factor, y, yp, memory, out });
         };
         let work = memory.all_mut().as_mut_ptr();
-        // SAFETY: the code stays within the lengths of `y`, `y'`, output and workspace that it was generated for (`schedule::blocks` checks every
-        // address against its variable's extent), and the public functions assert those lengths; null stands for what it was generated not to
-        // touch. It writes to output and workspace, which are borrowed exclusively, and to `y` only in functions that take it mutably.
+        // SAFETY: the code stays within the lengths of `y`, `y'`, output and workspace that it was
+        // generated for (`schedule::blocks` checks every address against its variable's extent),
+        // and the public functions assert those lengths; null stands for what it was generated not
+        // to touch. It writes to output and workspace, which are borrowed exclusively, and to `y`
+        // only in functions that take it mutably.
         unsafe { code(t, factor, y, yp, work, out, &raw const self.surroundings) }
     }
 
@@ -73,13 +75,15 @@ impl CompiledModel {
         tape.run(&mut View { time: t, factor: 0.0, y, yp, work: m.all_mut(), out, tables });
     }
 
-    /// Fills the caches that depend on parameters and random numbers drawn at reset. Call after parameters have changed.
+    /// Fills the caches that depend on parameters and random numbers drawn at reset. Call after
+    /// parameters have changed.
     pub fn prepare_parameters(&self, m: &mut Memory) {
         self.interpret(&self.tapes.prepare_parameters, m, 0.0, &mut [], &[], &mut []);
     }
 
-    /// Fills the caches that depend on actions, discrete variables, disturbances, frames and builtins. Call after any of them has
-    /// changed, and after [`CompiledModel::prepare_parameters`].
+    /// Fills the caches that depend on actions, discrete variables, disturbances, frames and
+    /// builtins. Call after any of them has changed, and after
+    /// [`CompiledModel::prepare_parameters`].
     pub fn prepare_step(&self, m: &mut Memory) {
         self.check_memory(m);
         let (y, yp, out) = (std::ptr::null_mut(), std::ptr::null(), std::ptr::null_mut());
@@ -107,8 +111,9 @@ impl CompiledModel {
         self.evaluate(Function::Roots, m, (t, 0.0), (y, yp), out);
     }
 
-    /// Lower bounds of the root functions, then upper ones, from `begin` to `end` and over a box of unknowns from `least` to `most`. Bounds of root functions
-    /// that read rates are infinite; one that is not a number says nothing.
+    /// Lower bounds of the root functions, then upper ones, from `begin` to `end` and over a box of
+    /// unknowns from `least` to `most`. Bounds of root functions that read rates are infinite; one
+    /// that is not a number says nothing.
     pub fn bounds(&self, m: &mut Memory, (begin, end): (f64, f64), (least, most): (&[f64], &[f64]), out: &mut [f64]) {
         assert_eq!(out.len(), 2 * self.watched().len(), "number of bounds");
         self.evaluate(Function::Bounds, m, (begin, end), (least, most), out);
@@ -138,8 +143,8 @@ impl CompiledModel {
         self.evaluate(Function::Forcings, m, (t, 0.0), (y, yp), out);
     }
 
-    /// `out = ∂F/∂t`, unknowns and their rates held; whether it is known, which it is wherever time occurs in the equations but for extrema and products over
-    /// loops that move with it.
+    /// `out = ∂F/∂t`, unknowns and their rates held; whether it is known, which it is wherever time
+    /// occurs in the equations but for extrema and products over loops that move with it.
     pub fn by_time(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) -> bool {
         assert_eq!(out.len(), self.unknowns(), "length of the derivative by time");
         if self.parts.has_slopes {
@@ -148,7 +153,8 @@ impl CompiledModel {
         self.parts.has_slopes
     }
 
-    /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays them out.
+    /// Failures, successes, constraints, rewards, observations, as [`crate::model::Finish`] lays
+    /// them out.
     pub fn finish(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         assert_eq!(out.len(), self.finish_len(), "length of the finishing values");
         self.evaluate(Function::Finish, m, (t, 0.0), (y, yp), out);
@@ -257,7 +263,8 @@ impl CompiledModel {
         self.evaluate(Function::Lags, m, (t, 0.0), (y, yp), out);
     }
 
-    /// Values before the start, one number an element; those of elements without one are left as they are.
+    /// Values before the start, one number an element; those of elements without one are left as
+    /// they are.
     pub fn before(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         self.check(m, y, yp);
         assert_eq!(out.len(), self.model().delayed(), "number of values before the start");

@@ -19,7 +19,7 @@ pub enum Derived {
     SteadyConditions,
     /// The conditions at the start; rows in their order.
     StartConditions,
-    /// What is delayed; a row an element.
+    /// Delayed expressions; one row per element.
     Delayed,
 }
 
@@ -48,7 +48,8 @@ pub(super) struct Derivative {
 }
 
 impl CompiledModel {
-    /// Non-zero pattern entries of a derivative with their values; a place may occur several times, its values are to be added.
+    /// Non-zero pattern entries of a derivative with their values; a place may occur several times,
+    /// its values are to be added.
     ///
     /// # Errors
     /// If an expression cannot be differentiated.

@@ -1,7 +1,7 @@
 //! Declarations that take the place of built-in names.
 //!
-//! What is declared goes before what is built in, so that a model may call a parameter `n`; the built-in meaning is gone then wherever the
-//! declaration is seen, which is said.
+//! What is declared goes before what is built in, so that a model may call a parameter `n`; the
+//! built-in meaning is gone then wherever the declaration is seen, which is said.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, Statement, StatementKind, TimeTable};
@@ -10,7 +10,8 @@ use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::builtins;
 use crate::elaborate::select::items::Item;
 
-/// Names that stand for something without being declared, what that is, and another way to write it.
+/// Names that stand for something without being declared, what that is, and another way to write
+/// it.
 const NAMES: &[(&str, &str, Option<&str>)] = &[
     ("pi", "the ratio of a circle's circumference to its diameter", Some("acos(-1)")),
     ("e", "Euler's number", Some("exp(1)")),
@@ -63,8 +64,8 @@ impl Ledger {
         }
     }
 
-    /// Warns of declarations of a block that take the place of built-in names. An array and what is no number do not: without an index they
-    /// are faults, which say so.
+    /// Warns of declarations of a block that take the place of built-in names. An array and what is
+    /// no number do not: without an index they are faults, which say so.
     pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'_>]) {
         for item in list {
             match item {
@@ -79,7 +80,8 @@ impl Ledger {
         }
     }
 
-    /// A name that is no function hides no function: `min` by itself and `min(a, b)` are told apart.
+    /// A name that is no function hides no function: `min` by itself and `min(a, b)` are told
+    /// apart.
     pub(in crate::elaborate) fn warn_of_name(&mut self, name: &Ident) {
         let Some((_, meaning, other)) = built_in(&name.text) else { return };
         self.warn_of_built_in(name, &format!("built-in name for {meaning}"), *other);

@@ -136,12 +136,14 @@ impl<'a> Declaring<'_, 'a> {
         let _ = self.symbols.declare(&name, symbol);
     }
 
-    /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is indexed, then instances.
+    /// Declares a block: sets and scalars first, since sizes of domains may need them, then what is
+    /// indexed, then instances.
     pub(in crate::elaborate) fn declare_block(&mut self, scope: ScopeId, list: Vec<Item<'a>>, depth: usize) {
         self.declare_phases(scope, &list);
         self.work.ledger.check_names(&list);
         self.work.ledger.check_built_ins(&list);
-        // Ends of ranges may be computed from scalars; a table declares its set only where nothing else does.
+        // Ends of ranges may be computed from scalars; a table declares its set only where nothing
+        // else does.
         self.declare_sets(scope, &list, Turn::Named);
         for item in &list {
             if let Item::Declare(role, d) = item
@@ -226,7 +228,8 @@ impl<'a> Declaring<'_, 'a> {
         self.declare(scope, name, kind.unwrap_or(SymbolKind::Faulty));
     }
 
-    /// An instance for each member of a set; `None`, and a report, where they are too many or what counts them is no set.
+    /// An instance for each member of a set; `None`, and a report, where they are too many or what
+    /// counts them is no set.
     fn row_of_instances(
         &mut self,
         statement: &'a Statement,

@@ -1,6 +1,8 @@
-//! The control problem: episode, initial values, sampling instants, steady state, conditions and rewards.
+//! The control problem: episode, initial values, sampling instants, steady state, conditions and
+//! rewards.
 //!
-//! Each step is a function over [`Lowering`] that gives back what it made; [`elaborate_control`] is their order.
+//! Each step is a function over [`Lowering`] that gives back what it made; [`elaborate_control`] is
+//! their order.
 
 mod amounts;
 mod assembly;

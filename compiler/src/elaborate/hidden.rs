@@ -1,4 +1,5 @@
-//! Variables that nothing declares: random numbers, integrals over the step, what the runtime tells.
+//! Variables that nothing declares: random numbers, integrals over the step, what the runtime
+//! tells.
 
 use cranelift_entity::PrimaryMap;
 use smpl_dsl::span::Span;
@@ -69,11 +70,11 @@ pub(in crate::elaborate) struct Delays {
 /// A call of `delay`.
 #[derive(Debug)]
 pub(in crate::elaborate) struct Delayed {
-    /// What is delayed, by how much, and its value before the start.
+    /// Delayed expression, dead time, and value before the start.
     pub values: (ExprId, ExprId, Option<ExprId>),
     /// Extents of the loops around, the outermost first; 1 for a loop that changes nothing.
     pub extents: Vec<u32>,
-    /// What is known of it.
+    /// Known properties.
     pub about: Delay,
 }
 

@@ -1,7 +1,8 @@
 //! Expressions over symbols: names, indices, calls, reductions and units, from the text to nodes.
 //!
-//! What stands in an expression decides what it means, so the files of this room and of [`super::space`] call one another as the grammar does;
-//! nothing else is inside of that recursion. The symbols are frozen: nothing is declared here.
+//! What stands in an expression decides what it means, so the files of this room and of
+//! [`super::space`] call one another as the grammar does; nothing else is inside of that recursion.
+//! The symbols are frozen: nothing is declared here.
 
 pub(in crate::elaborate) mod binders;
 pub(in crate::elaborate) mod bounded;
@@ -142,7 +143,8 @@ impl<'m, 'a> Lowering<'m, 'a> {
         out
     }
 
-    /// Variables of a role in the order of the text, as the interface lists them; identifiers are in that of the region.
+    /// Variables of a role in the order of the text, as the interface lists them; identifiers are
+    /// in that of the region.
     pub(in crate::elaborate) fn variables_of(&self, role: Role) -> Vec<VarId> {
         self.in_text_order()
             .into_iter()

@@ -1,4 +1,5 @@
-//! From files to one list of statements: imports, variants, choices. Pure functions of what was read and asked for.
+//! From files to one list of statements: imports, variants, choices. Pure functions of what was
+//! read and asked for.
 
 pub(in crate::elaborate) mod imports;
 pub(in crate::elaborate) mod items;

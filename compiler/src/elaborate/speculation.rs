@@ -1,12 +1,13 @@
-//! Attempts to keep a range of numbers a loop: begun, then committed or rolled back without a trace.
+//! Attempts to keep a range of numbers a loop: begun, then committed or rolled back without a
+//! trace.
 
 use super::budget::Budget;
 use super::expansions::{Expansion, Expansions};
 use super::lower::reads::Reads;
 use super::reports::{Mark, Reports};
 
-/// Most passes of all loops over ranges together: more are refused, since nobody would wait for an evaluation, and to write them out takes
-/// more.
+/// Most passes of all loops over ranges together: more are refused, since nobody would wait for an
+/// evaluation, and to write them out takes more.
 const MOST_PASSES: i64 = 20_000_000;
 
 /// The state of attempts.

@@ -1,4 +1,5 @@
-//! Expressions at other instants: at the start of the episode, at the end of the step before, at the steady state.
+//! Expressions at other instants: at the start of the episode, at the end of the step before, at
+//! the steady state.
 
 use super::affine::Affine;
 use super::build::Rewritten;
@@ -18,7 +19,8 @@ pub(crate) enum Unframed {
 }
 
 impl Exprs {
-    /// An expression at another instant: what changes is read from there. The episode starts at the time 0, where the steady state is sought too.
+    /// An expression at another instant: what changes is read from there. The episode starts at the
+    /// time 0, where the steady state is sought too.
     pub(crate) fn in_frame(
         &mut self,
         e: ExprId,

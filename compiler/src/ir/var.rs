@@ -27,11 +27,13 @@ pub enum Role {
     Draw,
     /// Number of the quadrature over the current step.
     Quadrature,
-    /// Earlier values of expressions, filled in by the runtime: [`DELAY_SLOTS`] numbers for each element, see [`DelaySlot`].
+    /// Earlier values of expressions, filled in by the runtime: [`DELAY_SLOTS`] numbers for each
+    /// element, see [`DelaySlot`].
     Delayed,
     /// Values from the runtime: see [`Builtin`].
     Builtin,
-    /// 1 where the parameter was given from outside and must not be computed or drawn; same shape as the parameters.
+    /// 1 where the parameter was given from outside and must not be computed or drawn; same shape
+    /// as the parameters.
     ParamGiven,
     /// Value computed ahead of the step by a preparing program (hoisted).
     Cache,
@@ -51,11 +53,13 @@ pub enum Builtin {
     StepLength = 2,
     /// 1 when this step is the last that the limit allows.
     LastStep = 3,
-    /// 1 when the step failed for a reason outside the model's conditions (action box, event, solver).
+    /// 1 when the step failed for a reason outside the model's conditions (action box, event,
+    /// solver).
     Failed = 4,
     /// Largest excess of an action over its box, relative to its range.
     ActionExcess = 5,
-    /// Time at the end of the step before; where the episode starts, that. It stands still at events too, where the clock does not.
+    /// Time at the end of the step before; where the episode starts, that. It stands still at
+    /// events too, where the clock does not.
     Begin = 6,
     /// Factor of the derivatives in the Jacobian (an argument of that function, not memory).
     DerivativeFactor = 7,

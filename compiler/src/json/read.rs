@@ -282,7 +282,7 @@ fn delay(at: &At<'_>) -> Result<Delay, ReadError> {
     Ok(Delay { name, count, bounds, lag, before: at.field("before")?.flag()?, span: Span::default() })
 }
 
-/// What is delayed, and by how much, is written once for each element.
+/// Delayed expression and dead time, written once for each element.
 fn check_delays(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let len = model.delayed();
     let programs = &model.programs;

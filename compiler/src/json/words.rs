@@ -1,4 +1,5 @@
-//! The words of the form: each meaning has one, which the compiler sees to, and the reader finds the meaning of a word by it.
+//! The words of the form: each meaning has one, which the compiler sees to, and the reader finds
+//! the meaning of a word by it.
 
 use crate::ir::{BinaryFn, Compare, Flavour, ReduceFn, Role, Side, UnaryFn};
 use crate::model::{Instant, Lag, LinearSolver, Method, Variate};

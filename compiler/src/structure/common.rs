@@ -70,7 +70,8 @@ pub(super) fn element_name(model: &Model, var: VarId, element: i64) -> String {
     }
 }
 
-/// Replaces nodes everywhere: equations, programs, roots, quadratures; only `concerned` nodes are looked at.
+/// Replaces nodes everywhere: equations, programs, roots, quadratures; only `concerned` nodes are
+/// looked at.
 pub(super) fn replace_everywhere(
     model: &mut Model,
     equations: &mut [Equation],

@@ -1,11 +1,13 @@
-//! Delayed expressions that nothing reads: what attempts to keep a loop, and loops that were cut, have left behind.
+//! Delayed expressions that nothing reads: what attempts to keep a loop, and loops that were cut,
+//! have left behind.
 
 use super::common::{programs, replace_everywhere};
 use crate::elaborate::Equation;
 use crate::ir::{Affine, DELAY_SLOTS, Expr, ExprId, FastSet, Flavour, Program, Rewritten, Role, VarId};
 use crate::model::Model;
 
-/// Removes the delayed expressions that neither an equation nor a program reads, nor one that is read.
+/// Removes the delayed expressions that neither an equation nor a program reads, nor one that is
+/// read.
 pub(crate) fn drop_unused(model: &mut Model, equations: &mut [Equation]) {
     let Some(var) = model.vars.iter().find(|(_, v)| v.role == Role::Delayed).map(|(var, _)| var) else { return };
     if model.delays.is_empty() {
@@ -58,7 +60,7 @@ fn keep(model: &mut Model, used: &[bool]) {
     model.delays.retain(|_| each.next() == Some(&true));
 }
 
-/// Which delayed expressions are read, from the equations on.
+/// Delayed expressions that are read, from the equations on.
 fn used(model: &Model, equations: &[Equation], var: VarId) -> Vec<bool> {
     let own = [&model.programs.delayed, &model.programs.lags, &model.programs.before];
     let is_own = |program: &Program| own.iter().any(|own| std::ptr::eq(*own, program));

@@ -14,10 +14,12 @@ from smpl.support.arguments import as_count, as_number, check_names
 from smpl.support.optional import load
 
 OWN = Path(__file__).with_name("benchmark.yaml")
-# Hyperparameters that `python -m smpl.benchmark tune` has found, with its commands; they lie over the others.
+# Hyperparameters that `python -m smpl.benchmark tune` has found, with its commands; they lie over
+# the others.
 TUNED = Path(__file__).with_name("tuned.yaml")
 SUITES = ("offline", "online")
-# Algorithms that learn from what the present policy has done, and those that search without gradients.
+# Algorithms that learn from what the present policy has done, and those that search without
+# gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
 # These update after each step, as those of Stable-Baselines3 do.
 _OFF_POLICY_2022 = ("DDPG-2022", "SAC-2022")
@@ -104,7 +106,8 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     own = process.get("algorithms", {}).get(suite, {}).get(algorithm, {})
     kind = _kind(suite, algorithm)
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
-    # Of `smoke` nothing is taken but that it is short; elsewhere what is said of a process goes before.
+    # Of `smoke` nothing is taken but that it is short; elsewhere what is said of a process goes
+    # before.
     ordered = (own, sized) if budget == "smoke" else (sized, own)
     hyper = {**configuration["algorithms"][suite][algorithm], **ordered[0], **ordered[1]}
     steps = {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
@@ -130,7 +133,8 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
             chosen["scalers"] = process["scalers"]
             check_scalers(chosen["scalers"])
     if kind == "search":
-        # Each of these runs the same policy, and the ones beyond the episodes that are counted would run for nothing.
+        # Each of these runs the same policy, and the ones beyond the episodes that are counted
+        # would run for nothing.
         chosen["num_envs"] = min(chosen["num_envs"], as_count("n_eval_episodes", hyper.get("n_eval_episodes", 1)))
     Formulation.of(chosen["formulation"])
     Curriculum(chosen["curriculum"])

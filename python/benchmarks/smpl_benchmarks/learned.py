@@ -19,7 +19,8 @@ from smpl.learning.scores import score
 from smpl_benchmarks.historical import trainer as historical
 from smpl_benchmarks.training import Trainer, Validate, curve, diverged, learn
 
-# Means and deviations over steps that the paper prints, environment by environment; nothing where it has no row.
+# Means and deviations over steps that the paper prints, environment by environment; nothing where
+# it has no row.
 PUBLISHED: dict[tuple[str, str, str], tuple[float, float | None]] = {
     ("online", "Beer", "PPO"): (1.0688, 20.70),
     ("online", "Beer", "A3C"): (0.8706, None),

@@ -34,7 +34,8 @@ from smpl_benchmarks.training import learn
 # Seeds of the episodes that trials are scored on, and numbers of the trainings.
 TUNING, _NUMBERS = 700_000_000, 1000
 EARLY = "stopped early"
-# Trials that are drawn at random; trials that are finished before one is stopped early, and segments that each has.
+# Trials that are drawn at random; trials that are finished before one is stopped early, and
+# segments that each has.
 _RANDOM, _WHOLE, _SURE = 8, 4, 2
 Objective = Callable[[Mapping[str, Any], Callable[[int, float], None]], float]
 

@@ -118,7 +118,8 @@ impl Environment {
         self.enter();
     }
 
-    /// Disturbances and updates `at start`, at the state and with the action that have been applied.
+    /// Disturbances and updates `at start`, at the state and with the action that have been
+    /// applied.
     fn enter(&mut self) {
         self.disturb(self.begin);
         let t0 = self.begin;

@@ -1,7 +1,8 @@
 //! Times at which delayed values are not smooth.
 //!
-//! Where a value jumps at one time, delayed ones do a dead time later; unknowns that follow them have a kink there, and so on: each generation is
-//! smoother by one derivative (C. A. H. Paul, *Math. Comput. Simul.* 37 (1994) 1-8). Those that a method would notice are breaks.
+//! Where a value jumps at one time, delayed ones do a dead time later. Unknowns that follow them
+//! have a kink there, and so on: each generation is smoother by one derivative (C. A. H. Paul,
+//! *Math. Comput. Simul.* 37 (1994) 1-8). Those that a method would notice are breaks.
 
 use serde::{Deserialize, Serialize};
 
@@ -71,8 +72,9 @@ impl Marks {
         self.breaks.extend(lags.iter().map(|lag| Break { time: time + lag, source: time, level, done: false }));
     }
 
-    /// An integration begins at a time: what was noted later is forgotten, and breaks up to there are left behind. Where values that are delayed read delayed
-    /// ones `directly`, these are no smoother.
+    /// An integration begins at a time: what was noted later is forgotten, and breaks up to there
+    /// are left behind. Where values that are delayed read delayed ones `directly`, these are no
+    /// smoother.
     pub(super) fn begin(&mut self, time: f64, directly: bool, lags: &[f64]) {
         let reach = time + near(time);
         self.marks.retain(|mark| mark.time <= reach);

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Coefficients of a polynomial in Chebyshev's basis: as many as DOP853 needs, whose interpolant has the highest degree of all methods.
+/// Coefficients of a polynomial in Chebyshev's basis: as many as DOP853 needs, whose interpolant
+/// has the highest degree of all methods.
 pub(super) const TERMS: usize = 8;
 
 /// Roundings of the present time by which an earlier time may miss the beginning of a piece.
@@ -14,7 +15,8 @@ pub(super) struct Piece {
     /// Times between which it holds.
     pub from: f64,
     pub to: f64,
-    /// Beginning and length of the span that the polynomials are made for: it begins roundings behind a break.
+    /// Beginning and length of the span that the polynomials are made for: it begins roundings
+    /// behind a break.
     begin: f64,
     length: f64,
 }
@@ -97,7 +99,8 @@ impl Record {
         self.pieces.push(Piece { from, to, begin, length: to - begin });
     }
 
-    /// Whether the last terms of the polynomials of the last piece are small: in parts of the size of each value.
+    /// Returns `true` if the last terms of the polynomials of the last piece are small: in parts of
+    /// the size of each value.
     pub(super) fn is_resolved(&self, tolerance: f64) -> bool {
         let last = &self.terms[self.terms.len() - TERMS * self.width..];
         last.chunks_exact(TERMS).zip(&self.sizes).all(|(terms, size)| {
@@ -148,7 +151,8 @@ impl Record {
         spot
     }
 
-    /// Value and rate at a place; beyond the end they go on along a straight line, before the beginning the value stays.
+    /// Value and rate at a place; beyond the end they go on along a straight line, before the
+    /// beginning the value stays.
     pub(super) fn at(&self, spot: &Spot, value: usize) -> (f64, f64) {
         let first = (spot.piece * self.width + value) * TERMS;
         let Some(terms) = self.terms.get(first..first + TERMS) else { return (f64::NAN, f64::NAN) };
@@ -191,7 +195,7 @@ impl Record {
         Spot { piece, basis, rates: [0.0; TERMS], beyond: 0.0 }
     }
 
-    /// Whether the numbers belong together, and are of so many values.
+    /// Returns `true` if the numbers belong together, and are of so many values.
     pub(super) fn fits(&self, width: usize) -> bool {
         let rises = self.pieces.windows(2).all(|pair| pair[0].from < pair[1].from);
         let sized = self.pieces.iter().all(|piece| piece.length > 0.0 && piece.from <= piece.to);

@@ -168,7 +168,8 @@ pub trait System {
         false
     }
 
-    /// Whether the equations read what unknowns were at earlier times, which the system records itself by the functions that follow.
+    /// Returns `true` if the equations read what unknowns were at earlier times, which the system
+    /// records itself by the functions that follow.
     fn has_past(&self) -> bool {
         false
     }
@@ -183,7 +184,8 @@ pub trait System {
         let _ = at;
     }
 
-    /// An integration begins at a time with these unknowns, which may not be consistent yet: forgets what was recorded later.
+    /// An integration begins at a time with these unknowns, which may not be consistent yet:
+    /// forgets what was recorded later.
     fn begin(&mut self, t: f64, y: &[f64]) {
         let _ = (t, y);
     }
@@ -193,7 +195,8 @@ pub trait System {
         let _ = (t, y, yp, rtol);
     }
 
-    /// Records an accepted step between two times, in which `within` writes unknowns and rates at any time.
+    /// Records an accepted step between two times, in which `within` writes unknowns and rates at
+    /// any time.
     fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
         let _ = (span, rtol, within);
     }

@@ -1,4 +1,5 @@
-//! Delayed values at rest: they are the present ones, so that what is delayed moves the equations at once.
+//! Delayed values at rest: they are the present ones, so that what is delayed moves the equations
+//! at once.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,7 +22,8 @@ pub(super) struct Delays {
     numbers: BTreeMap<(usize, usize), usize>,
 }
 
-/// Derivatives of the equations by delayed values, of what is delayed by unknowns, and of what is delayed by delayed values.
+/// Derivatives of the equations by delayed values, of what is delayed by unknowns, and of what is
+/// delayed by delayed values.
 struct Parts {
     rows: Vec<Triplet>,
     by_unknowns: Vec<Triplet>,

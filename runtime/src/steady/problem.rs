@@ -47,9 +47,10 @@ pub(super) struct Problem {
     gradient: Vec<Option<usize>>,
     /// Values of other instants in the equations, which are the point itself.
     frames: Option<Frames>,
-    /// What is delayed, which is the present.
+    /// Delayed expressions, with their present values.
     delays: Option<Delays>,
-    /// Entries of the reduced Jacobian to which values of the frames, and behind them of the delays, are added: entry, value.
+    /// Entries of the reduced Jacobian to which values of the frames, and behind them of the
+    /// delays, are added: entry, value.
     added: Vec<(usize, usize)>,
     /// Places of the reduced Jacobian's entries among all entries; `None` where only frames have
     /// one.

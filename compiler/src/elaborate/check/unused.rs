@@ -1,7 +1,8 @@
 //! Unused declarations, whose faults are reported although they have no effect yet.
 //!
-//! Named expressions and fluxes are worked out at their own indices. A function is worked out with arguments that fit everywhere, a component
-//! as one instance whose parameters without values have sample values; of these, faults that depend on the values are not told.
+//! Named expressions and fluxes are worked out at their own indices. A function is worked out with
+//! arguments that fit everywhere, a component as one instance whose parameters without values have
+//! sample values; of these, faults that depend on the values are not told.
 
 use smpl_dsl::diagnostic::{Code, Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -33,7 +34,8 @@ const OF_VALUES: &[Code] = &[
 pub(in crate::elaborate) fn check_unused(l: &mut Lowering<'_, '_>) {
     let hidden = l.hidden.len();
     check_unused_symbols(l, is_expression);
-    // Nothing of the rest stays: the numbers of expressions, and with them the code, are those of what is used.
+    // Nothing of the rest stays: the numbers of expressions, and with them the code, are those of
+    // what is used.
     let used = l.exprs.clone();
     [is_random, is_flux, is_function].into_iter().for_each(|kind| check_unused_symbols(l, kind));
     check_unused_levels(l);
@@ -103,7 +105,8 @@ fn check_unused_levels(l: &mut Lowering<'_, '_>) {
     l.ledger.reports.diagnostics.retain_after(before, |d| d.is_error());
 }
 
-/// Units and sets of connectors; a domain, or a set that a component is given, is found where the component has the port.
+/// Units and sets of connectors; a domain, or a set that a component is given, is found where the
+/// component has the port.
 fn check_connectors(l: &mut Lowering<'_, '_>) {
     let place = Place::new(ScopeId::from_u32(0), Site::Dynamics);
     let mut connectors: Vec<&Statement> = l.instances.connectors.values().copied().collect();
@@ -123,7 +126,8 @@ fn check_connectors(l: &mut Lowering<'_, '_>) {
     }
 }
 
-/// Returns `true` if a component with a port of the connector declares what an index of it runs over.
+/// Returns `true` if a component with a port of the connector declares what an index of it runs
+/// over.
 fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> bool {
     let over = match &binder.over {
         BinderSet::Itself => &binder.name,
@@ -177,7 +181,8 @@ pub(in crate::elaborate) fn components<'a>(l: &Lowering<'_, 'a>) -> Vec<&'a Stat
     unused
 }
 
-/// Of what was said of samples of components, the faults that lie in them and do not depend on values.
+/// Of what was said of samples of components, the faults that lie in them and do not depend on
+/// values.
 pub(in crate::elaborate) fn of_components(ledger: &Ledger, components: &[&Statement]) -> Vec<Diagnostic> {
     let inside = |span: Span| components.iter().any(|s| s.span.contains(span));
     let of_component = |d: &&Diagnostic| inside(d.primary.span) || d.secondary.iter().any(|label| inside(label.span));

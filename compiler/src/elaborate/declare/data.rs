@@ -81,7 +81,8 @@ pub(super) fn number(cell: &Cell<'_>, row: &[Cell<'_>]) -> Result<f64, Diagnosti
     }
 }
 
-/// The name and the unit of a column: `k [1/min]`. The unit is that of the text between the brackets, unless there are none.
+/// The name and the unit of a column: `k [1/min]`. The unit is that of the text between the
+/// brackets, unless there are none.
 pub(super) fn column<'t>(cell: &Cell<'t>) -> Result<(&'t str, Option<UnitExpr>), Diagnostic> {
     let Some((name, rest)) = cell.text.split_once('[') else { return Ok((cell.text, None)) };
     let unit = rest.trim_end().strip_suffix(']');

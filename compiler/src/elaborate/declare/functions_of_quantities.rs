@@ -240,7 +240,8 @@ impl<'a> Declaring<'_, 'a> {
         found
     }
 
-    /// A rectangle of values in a file: the first row has the values of the second argument, the first column those of the first.
+    /// A rectangle of values in a file: the first row has the values of the second argument, the
+    /// first column those of the first.
     fn grid_of_file(&mut self, file: (&str, Span)) -> Option<Grid> {
         let rows = self.rows_of_file(file)?;
         let mut grid = Grid::default();

@@ -113,7 +113,8 @@ impl<'a> Declaring<'_, 'a> {
         self.instances.samples.may_instantiate(depth).then_some(statement)
     }
 
-    /// Counts the declarations of an instance; `false`, and one report, where they are beyond reason.
+    /// Counts the declarations of an instance; `false`, and one report, where they are beyond
+    /// reason.
     pub(in crate::elaborate::declare) fn may_instantiate(&mut self, declarations: usize, used: Span) -> bool {
         let before = self.instances.made;
         self.instances.made = before.saturating_add(1 + declarations);
@@ -131,7 +132,8 @@ impl<'a> Declaring<'_, 'a> {
         fits
     }
 
-    /// Notes the arguments of an instance that are parameters of its body; reports those of which its component knows nothing.
+    /// Notes the arguments of an instance that are parameters of its body; reports those of which
+    /// its component knows nothing.
     pub(in crate::elaborate::declare) fn note_given(
         &mut self,
         scope: ScopeId,
@@ -162,7 +164,8 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells` overrides it.
+    /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells`
+    /// overrides it.
     pub(in crate::elaborate::declare) fn structural(
         &mut self,
         scope: ScopeId,

@@ -10,8 +10,9 @@ fn secants(x: &[f64], y: &[f64]) -> Vec<f64> {
     steps(x).iter().zip(steps(y)).map(|(h, rise)| rise / h).collect()
 }
 
-/// Slopes of the monotone cubic interpolant (PCHIP of Fritsch and Butland): weighted harmonic means of the neighbouring secants, zero at
-/// extrema, and limited one-sided three-point formulas at the ends.
+/// Slopes of the monotone cubic interpolant (PCHIP of Fritsch and Butland): weighted harmonic means
+/// of the neighbouring secants, zero at extrema, and limited one-sided three-point formulas at the
+/// ends.
 pub(in crate::elaborate) fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let (h, m) = (steps(x), secants(x, y));
     match m.as_slice() {
@@ -42,7 +43,8 @@ pub(in crate::elaborate) fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     std::iter::once(first).chain(middle).chain([end(h[last], h[last - 1], m[last], m[last - 1])]).collect()
 }
 
-/// Slopes of the cubic spline whose third derivative is continuous at the second and the last but one point ("not a knot").
+/// Slopes of the cubic spline whose third derivative is continuous at the second and the last but
+/// one point ("not a knot").
 pub(in crate::elaborate) fn spline_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let (h, m) = (steps(x), secants(x, y));
     let n = x.len();
@@ -101,7 +103,8 @@ mod tests {
 
     #[test]
     fn monotone_slopes_agree_with_scipy() {
-        // scipy.interpolate.PchipInterpolator([0, 1, 3, 4, 7], [0, 2, 3, 3, 1]).derivative()(x), SciPy 1.17.1.
+        // scipy.interpolate.PchipInterpolator([0, 1, 3, 4, 7], [0, 2, 3, 3, 1]).derivative()(x),
+        // SciPy 1.17.1.
         let found = monotone_slopes(&[0.0, 1.0, 3.0, 4.0, 7.0], &[0.0, 2.0, 3.0, 3.0, 1.0]);
         for (found, expected) in found.into_iter().zip([2.5, 0.8571428571428571, 0.0, 0.0, -1.1666666666666665]) {
             assert!((found - expected).abs() < 1e-14, "{found} {expected}");

@@ -263,7 +263,8 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
             }
         },
     };
-    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it already, and `x` in a tuple is an element itself.
+    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it
+    // already, and `x` in a tuple is an element itself.
     let is_element = |b: &Binder| matches!((&o.value.kind, place.bound(&b.name.text)), (ExprKind::Name(n), Some(Bound::Alias(..))) if n.text == b.name.text);
     let open: Vec<&Binder> = o.binders.iter().filter(|b| o.name.is_some() || !(indexes(&o.value, &b.name.text) || is_element(b))).collect();
     if open.is_empty() {

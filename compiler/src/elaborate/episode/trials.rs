@@ -26,7 +26,8 @@ const STEADY: f64 = 1e-6;
 /// Variables that a test may set.
 const SETTABLE: [Role; 5] = [Role::Action, Role::Param, Role::Disturbance, Role::State, Role::Discrete];
 
-/// The tests that are asked for. Their numbers follow those of the outputs; what is only checked leaves nothing behind.
+/// The tests that are asked for. Their numbers follow those of the outputs; what is only checked
+/// leaves nothing behind.
 pub(in crate::elaborate) fn tests<'a>(
     l: &mut Lowering<'_, 'a>,
     blocks: &[(ScopeId, Vec<Item<'a>>)],
@@ -81,7 +82,8 @@ fn refuse_inner(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)]) {
     }
 }
 
-/// Returns whether a statement of a test turns on a variant, so that the model as it stands may not have what the test names.
+/// Returns whether a statement of a test turns on a variant, so that the model as it stands may not
+/// have what the test names.
 fn changes_the_model(statement: &Statement) -> bool {
     matches!(&statement.kind, StatementKind::TestStep(Written::Choose { word, .. }) if word.text == "variant")
 }

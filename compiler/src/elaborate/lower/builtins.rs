@@ -1,7 +1,8 @@
-//! The functions that every model knows: one table, from which calls, suggestions and the book's page come.
+//! The functions that every model knows: one table, from which calls, suggestions and the book's
+//! page come.
 //!
-//! A new function is an entry here; where it is another function of one number, a variant of [`UnaryFn`] with its value and its rule of
-//! differentiation, and nothing else.
+//! A new function is an entry here; where it is another function of one number, a variant of
+//! [`UnaryFn`] with its value and its rule of differentiation, and nothing else.
 
 use crate::ir::{BinaryFn, Flavour, ReduceFn, UnaryFn};
 

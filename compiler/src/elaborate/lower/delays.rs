@@ -1,8 +1,9 @@
 //! `delay(e, theta)`: what an expression was a dead time ago.
 //!
-//! A call becomes elements of the variable of role `Delayed`, one for each pass of the loops that change it: inputs that the runtime fills from the past. It
-//! reads the earlier value v, its rate s there and the earlier time a that the runtime has looked up, `v + s*((t - theta) - a)`. The second term is zero; by
-//! it time, dead times and what these depend on have their derivatives.
+//! A call becomes elements of the variable of role `Delayed`, one for each pass of the loops that
+//! change it: inputs that the runtime fills from the past. It reads the earlier value v, its rate s
+//! there and the earlier time a that the runtime has looked up, `v + s*((t - theta) - a)`. The
+//! second term is zero; by it time, dead times and what these depend on have their derivatives.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -96,7 +97,7 @@ fn dead_time(l: &mut Lowering<'_, '_>, (argument, lag): (&Expr, &Expr), span: Sp
     Some((theta, Delay { name, count: 1, bounds, lag: lag_changes, before: false, span }))
 }
 
-/// Why a value has no past.
+/// Reason why a value has no past.
 fn refused(l: &Lowering<'_, '_>, value: &Value, span: Span) -> Option<Diagnostic> {
     if matches!(value.unit, Measure::Truth) {
         let fault = Diagnostic::error(codes::WRONG_KIND, "`delay` of a condition", span);
@@ -117,12 +118,12 @@ fn random(what: &str, span: Span) -> Diagnostic {
     fault.help("name the random number as a `disturbance` or a `param`, and delay that")
 }
 
-/// Whether an expression reads a variable of some role and flavour.
+/// Returns `true` if an expression reads a variable of some role and flavour.
 fn reads(l: &Lowering<'_, '_>, e: ExprId, accept: impl Fn(Role, Flavour) -> bool) -> bool {
     !l.exprs.loads(e, |var, flavour| accept(l.symbols.vars[var].role, flavour)).is_empty()
 }
 
-/// Whether an expression changes within an episode.
+/// Returns `true` if an expression changes within an episode.
 fn changes(l: &Lowering<'_, '_>, e: ExprId) -> bool {
     when(l, e) != Lag::Constant
 }
@@ -141,7 +142,8 @@ fn when(l: &Lowering<'_, '_>, e: ExprId) -> Lag {
     if reads(l, e, held) { Lag::Held } else { Lag::Constant }
 }
 
-/// The numbers between which an expression lies by the declared bounds of what it reads; `None` where these do not say.
+/// The numbers between which an expression lies by the declared bounds of what it reads; `None`
+/// where these do not say.
 fn range(l: &Lowering<'_, '_>, e: ExprId) -> Option<(f64, f64)> {
     let hull = |ends: [f64; 4]| (ends.into_iter().fold(f64::INFINITY, f64::min), ends.into_iter().fold(f64::NEG_INFINITY, f64::max));
     match l.exprs.node(e) {

@@ -101,7 +101,8 @@ fn elementary(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place:
     let v = l.value(a, place);
     match l.values().dimensionless(&v, a.span, name) {
         Some(x) => {
-            // A pure number in any unit, of a number too: no number of the unit that a place declares.
+            // A pure number in any unit, of a number too: no number of the unit that a place
+            // declares.
             Value::of(l.exprs.unary(f, x), Unit::one())
         }
         None => l.poison(),
@@ -138,7 +139,8 @@ fn smooth(l: &mut Lowering<'_, '_>, a: &Expr, place: &Place) -> Value {
     }
 }
 
-/// `floor(x)` and the like: of what has no dimension the number itself is rounded, of a quantity its number in a unit that the text names.
+/// `floor(x)` and the like: of what has no dimension the number itself is rounded, of a quantity
+/// its number in a unit that the text names.
 fn rounding(l: &mut Lowering<'_, '_>, name: &str, f: UnaryFn, a: &Expr, place: &Place) -> Value {
     let v = l.value(a, place);
     let to_whole = f != UnaryFn::Single;

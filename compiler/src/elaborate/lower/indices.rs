@@ -150,7 +150,8 @@ fn permutations(n: usize) -> Vec<Vec<usize>> {
     (0..n).fold(vec![Vec::new()], |orders, _| orders.iter().flat_map(longer).collect())
 }
 
-/// Reports a name in an index position that nothing binds or declares, where the axis is one of numbers; `false` where it has another meaning.
+/// Reports a name in an index position that nothing binds or declares, where the axis is one of
+/// numbers; `false` where it has another meaning.
 fn unbound_number(l: &mut Lowering<'_, '_>, axis: &str, e: &Expr, place: &Place) -> bool {
     let ExprKind::Name(name) = &e.kind else { return false };
     if place.bound(&name.text).is_some() || l.symbols.lookup(place.scope, &name.text).is_some() {
@@ -254,7 +255,8 @@ fn bound_cell(l: &mut Lowering<'_, '_>, domain: DomainId, name: &Ident, place: &
     }
 }
 
-/// `z + 1`, `z - 1`, `1 + z`: `None` where no cell is among the operands, `Some(None)` where a fault was reported.
+/// `z + 1`, `z - 1`, `1 + z`: `None` where no cell is among the operands, `Some(None)` where a
+/// fault was reported.
 fn neighbour(
     l: &mut Lowering<'_, '_>,
     domain: DomainId,
@@ -281,7 +283,8 @@ fn neighbour(
     Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
 }
 
-/// Returns `true` if the cells of two domains are at the same places: equally many between the same ends, whatever the parameters are.
+/// Returns `true` if the cells of two domains are at the same places: equally many between the same
+/// ends, whatever the parameters are.
 pub(in crate::elaborate) fn same_cells<'a>(l: &mut Lowering<'_, 'a>, a: DomainId, b: DomainId) -> bool {
     if a == b || l.symbols.domains[a].cells != l.symbols.domains[b].cells {
         return a == b;
@@ -369,7 +372,8 @@ impl<'a> Naming<'_, 'a> {
         found
     }
 
-    /// `i == water`, `scheme == upwind`: comparison of names. Outer `None`: not one; inner `None`: reported.
+    /// `i == water`, `scheme == upwind`: comparison of names. Outer `None`: not one; inner `None`:
+    /// reported.
     pub(in crate::elaborate) fn name_comparison(&mut self, a: &Expr, b: &Expr, place: &Place) -> Option<Option<bool>> {
         let (left, right) = (self.symbols.label(a, place), self.symbols.label(b, place));
         let label = |e: &Expr| match &e.kind {
@@ -430,7 +434,8 @@ impl<'a> Symbols<'a> {
 }
 
 impl Ledger {
-    /// Returns `true` if an index name that is not bound is met for the first time in the present statement.
+    /// Returns `true` if an index name that is not bound is met for the first time in the present
+    /// statement.
     fn is_first_unbound(&mut self, name: &str) -> bool {
         self.reports.is_first_unbound(name, self.speculation.is_active())
     }

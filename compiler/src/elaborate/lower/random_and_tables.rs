@@ -13,14 +13,15 @@ use crate::elaborate::symbols::{Outside, SymbolId, SymbolKind};
 use crate::ir::{Affine, Compare, ExprId, Flavour, LoopVar, Side, UnaryFn};
 use crate::model::{Draw, Instant, Variate};
 
-/// Times this near each other, relative to their size or to 1, are one: a clock that counts in steps is a sum of roundings. Short enough that what
-/// happens in between is below every tolerance.
+/// Times this near each other, relative to their size or to 1, are one: a clock that counts in
+/// steps is a sum of roundings. Short enough that what happens in between is below every tolerance.
 const SLACK: f64 = 1e-12;
 
 /// A table over time of as many points is searched; shorter ones become conditions.
 const LOOKED_UP: usize = 33;
 
-/// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot, scaled.
+/// `uniform(a, b)`, `normal(mean, sd)`, `lognormal(mu, sigma)`: a standard variate in its own slot,
+/// scaled.
 pub(in crate::elaborate) fn random(
     l: &mut Lowering<'_, '_>,
     span: Span,

@@ -29,7 +29,8 @@ pub(crate) fn difference(unit: &Unit) -> Unit {
     unit.difference()
 }
 
-/// Unit of a sum of amounts, in that of the first: known to be a difference of temperatures where both are.
+/// Unit of a sum of amounts, in that of the first: known to be a difference of temperatures where
+/// both are.
 pub(crate) fn sum(a: &Unit, b: &Unit) -> Unit {
     a.between_points(a.is_between_points() && b.is_between_points())
 }
@@ -44,7 +45,8 @@ pub(crate) fn over(a: &Unit, b: &Unit) -> Unit {
     a.divide(b).unwrap_or_else(Unit::one)
 }
 
-/// The unit in which a value is shown where none is declared: a ratio in a unit that nobody named (`bar/kPa`) is the number.
+/// The unit in which a value is shown where none is declared: a ratio in a unit that nobody named
+/// (`bar/kPa`) is the number.
 pub(crate) fn shown(measure: &Measure) -> Unit {
     let unit = measure.unit();
     if is_dimensionless(&unit) && unit.is_unnamed() { Unit::one() } else { unit }
@@ -64,7 +66,8 @@ pub(crate) fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
     unit.power(simple)
 }
 
-/// Factor and offset from numbers of one unit to numbers of the other; `None` where they measure different things.
+/// Factor and offset from numbers of one unit to numbers of the other; `None` where they measure
+/// different things.
 pub(crate) fn conversion(from: &Unit, to: &Unit) -> Option<(f64, f64)> {
     if from.is_point() != to.is_point() {
         return None;

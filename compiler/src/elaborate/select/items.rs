@@ -1,6 +1,7 @@
 //! The statements of a block as single items, with the active variants and choices worked in.
 //!
-//! A statement in an active `variant` or `when` block replaces the items with the same key and is added where there is none.
+//! A statement in an active `variant` or `when` block replaces the items with the same key and is
+//! added where there is none.
 
 use std::collections::HashMap;
 use std::mem::{Discriminant, discriminant};
@@ -55,8 +56,8 @@ pub(crate) fn plain(statements: &[Statement]) -> Vec<Item<'_>> {
     base
 }
 
-/// Puts start values of more elements before those of fewer: of two that set one element the later one holds, and the order of the text has
-/// no meaning.
+/// Puts start values of more elements before those of fewer: of two that set one element the later
+/// one holds, and the order of the text has no meaning.
 fn specific_last(items: &mut [Item<'_>]) {
     let of = |item: &Item<'_>| match item {
         Item::Other(Statement { kind: StatementKind::Initial { target, binders, .. }, .. }) => Some(breadth(target, binders)),
@@ -71,8 +72,8 @@ fn specific_last(items: &mut [Item<'_>]) {
 /// The breadth of a whole variable.
 pub(crate) const WHOLE: usize = 1000;
 
-/// Of how much an entry is: 0 of one element, else the number of indices that it runs over; more than that of a whole variable. Of two entries
-/// for one element the one of less breadth holds.
+/// Of how much an entry is: 0 of one element, else the number of indices that it runs over; more
+/// than that of a whole variable. Of two entries for one element the one of less breadth holds.
 pub(crate) fn breadth(target: &Expr, binders: &[Binder]) -> usize {
     let whole = if matches!(target.kind, ExprKind::Index(..)) { 0 } else { WHOLE };
     whole + binders.len()

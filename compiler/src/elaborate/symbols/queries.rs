@@ -106,7 +106,8 @@ impl<'a> Symbols<'a> {
         }
     }
 
-    /// The element of an array that a flattened name means: `c[water,3]`, or `n7` where the names are made so.
+    /// The element of an array that a flattened name means: `c[water,3]`, or `n7` where the names
+    /// are made so.
     pub(in crate::elaborate) fn element_named(&self, symbol: SymbolId, name: &str) -> Option<i64> {
         let SymbolKind::Variable { axes, declaration, .. } = &self[symbol].kind else { return None };
         let (before, after) = match &declaration.pattern {

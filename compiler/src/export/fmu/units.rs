@@ -15,7 +15,8 @@ pub(super) struct Si {
     pub offset: f64,
 }
 
-/// The unit of a text that a model showed; `None` for one that the model declares, which the SI does not know.
+/// The unit of a text that a model showed; `None` for one that the model declares, which the SI
+/// does not know.
 pub(super) fn unit(text: &str) -> Option<Unit> {
     let file = parse(&format!("param u : {text}\n"), FileId(0)).file;
     let statement = file.statements.into_iter().next()?;
@@ -23,7 +24,8 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
     resolve(declarations.first()?.unit.as_ref()?, &OwnUnits::default(), &mut |_| Ok(Unit::one())).ok()
 }
 
-/// A unit in the SI; `None` where it has parts that the SI does not know (cells, units of activity) or exponents that are no integers.
+/// A unit in the SI; `None` where it has parts that the SI does not know (cells, units of activity)
+/// or exponents that are no integers.
 pub(super) fn si(unit: &Unit) -> Option<Si> {
     const KNOWN: [&str; 7] = ["m", "kg", "s", "A", "K", "mol", "cd"];
     let mut exponents = vec![];

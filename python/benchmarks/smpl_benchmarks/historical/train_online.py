@@ -45,11 +45,13 @@ def main() -> None:
     if hasattr(config, "rl_module") and module in ("ppo", "impala"):
         config = config.rl_module(_enable_rl_module_api=False).training(_enable_learner_api=False)
     if module == "a3c":
-        # Its thread of sampling and the gradients of the same worker disturb each other: rows get lost.
+        # Its thread of sampling and the gradients of the same worker disturb each other: rows get
+        # lost.
         config = config.training(sample_async=False)
     algo = config.build()
     if module == "a3c":
-        # It asks without waiting, and sends the worker the weights each time that there is no answer.
+        # It asks without waiting, and sends the worker the weights each time that there is no
+        # answer.
         algo.workers.fetch_ready_async_reqs = functools.partial(algo.workers.fetch_ready_async_reqs, timeout_seconds=60)
     if given["before"]:
         algo.load_checkpoint(given["before"])

@@ -21,10 +21,11 @@ from smpl.support.arguments import FloatArray
 from smpl_benchmarks.peers.common import installed, scenario, title
 
 TIGHT = 1e-12
-# Share of the action box, to both sides of its middle; `recipe`: actions of the model's policy, off by up to 1 %.
+# Share of the action box, to both sides of its middle; `recipe`: actions of the model's policy, off
+# by up to 1 %.
 WIDTHS = {"random +-0.2": 0.2, "random +-1": 1.0, "recipe +-1 %": 0.0}
-# Models whose control steps change no states but by their equations, and how many steps are compared with LSODA.
-# The section `pensim` compares PenSim's.
+# Models whose control steps change no states but by their equations, and how many steps are
+# compared with LSODA. The section `pensim` compares PenSim's.
 PLAIN, CHECKED = ("reactor", "beer"), 100
 
 

@@ -14,7 +14,8 @@ from smpl.controllers import OpenLoop, Policy
 from smpl.evaluation import run_episode
 from smpl.support.arguments import FloatArray
 
-# K. H. Johansson, The quadruple-tank process, IEEE Transactions on Control Systems Technology 8 (2000) 456-465.
+# K. H. Johansson, The quadruple-tank process, IEEE Transactions on Control Systems Technology 8
+# (2000) 456-465.
 FOUR_TANKS = """model FourTanks
 time t : s
 param a_1 : cm^2 = 0.071, a_2 : cm^2 = 0.057, a_3 : cm^2 = 0.071, a_4 : cm^2 = 0.057
