@@ -1,4 +1,5 @@
-//! The list of passes, from text to machine code: the one way that the command, Python and the tests take.
+//! The list of passes, from text to machine code: the one way that the command, Python and the
+//! tests take.
 //!
 //! | part | from | to |
 //! |---|---|---|
@@ -61,7 +62,8 @@ pub fn compile(
     Ok(Compiled { model, warnings, imports })
 }
 
-/// Compiles a file of `sources` to a flat model, with the warnings, on a stack of its own: a caller's thread may have a small one.
+/// Compiles a file of `sources` to a flat model, with the warnings, on a stack of its own: a
+/// caller's thread may have a small one.
 ///
 /// # Errors
 /// All independent faults of the text and of what it imports.
@@ -79,7 +81,8 @@ impl CompiledModel {
     /// Compiles a flat model.
     ///
     /// # Errors
-    /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code can be made.
+    /// If an equation cannot be differentiated, a program addresses what it cannot have, or no code
+    /// can be made.
     pub fn build(model: Model, settings: &BackEndSettings) -> Result<CompiledModel, BackEndError> {
         on_own_stack(|| CompiledModel::assemble(back_end(model, settings)?))
     }
@@ -88,7 +91,8 @@ impl CompiledModel {
 /// Texts to a flat model.
 fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options: &Options) -> Result<(Model, Faults), Faults> {
     let texts = read(sources, main, options.extra, loader);
-    // Of so many faults not all are known, so that what follows from them could not be told from what does not.
+    // Of so many faults not all are known, so that what follows from them could not be told from
+    // what does not.
     if texts.faults.more() > 0 {
         return Err(texts.faults);
     }
@@ -220,8 +224,8 @@ fn rerolled(functions: Vec<(Function, Staged)>, exprs: &mut Exprs) -> Vec<(Funct
     functions.into_iter().map(&mut pass).collect()
 }
 
-/// The functions in the order of [`Function::ALL`] with what is known before they run in caches, and what fills the caches once
-/// parameters are set.
+/// The functions in the order of [`Function::ALL`] with what is known before they run in caches,
+/// and what fills the caches once parameters are set.
 fn hoisted(functions: Vec<(Function, Staged)>, model: &mut Model) -> (Vec<(Function, Staged)>, Staged) {
     let mut hoister = Hoister::new(model);
     let dynamic: Vec<_> = functions.iter().map(|(function, staged)| (*function, hoister.staged(staged, function.limit()))).collect();

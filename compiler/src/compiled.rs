@@ -1,4 +1,5 @@
-//! A model ready to run: interface, pattern, memory layout, machine code, and tapes for what runs rarely.
+//! A model ready to run: interface, pattern, memory layout, machine code, and tapes for what runs
+//! rarely.
 
 use std::sync::{Arc, OnceLock};
 
@@ -25,7 +26,8 @@ pub(crate) use parts::Parts;
 pub use parts::{BackEndError, BackEndSettings, CompileStatistics};
 use tapes::Tapes;
 
-/// A model ready to run; shared by many instances, each with its own [`Memory`]. It has many methods: one for each compiled function.
+/// A model ready to run; shared by many instances, each with its own [`Memory`]. It has many
+/// methods: one for each compiled function.
 pub struct CompiledModel {
     parts: Parts,
     layout: Arc<Layout>,
@@ -43,11 +45,13 @@ pub struct CompiledModel {
     executable: Executable,
 }
 
-// SAFETY: the pointers in `functions`, `pieces` and `surroundings` go to the mapping and to the heap memory that `executable` and `parts` own; nothing
-// changes either while this value lives, and no thread has a claim on them.
+// SAFETY: the pointers in `functions`, `pieces` and `surroundings` go to the mapping and to the
+// heap memory that `executable` and `parts` own; nothing changes either while this value lives, and
+// no thread has a claim on them.
 unsafe impl Send for CompiledModel {}
-// SAFETY: through a shared reference that memory is only read; compiled functions write to the workspace, `y` and output that their callers have
-// exclusively, and what is made late stands in `OnceLock`s.
+// SAFETY: through a shared reference that memory is only read; compiled functions write to the
+// workspace, `y` and output that their callers have exclusively, and what is made late stands in
+// `OnceLock`s.
 unsafe impl Sync for CompiledModel {}
 
 impl CompiledModel {
@@ -62,7 +66,8 @@ impl CompiledModel {
             let first = parts.codes.iter().take(f as usize).map(Vec::len).sum::<usize>();
             let count = parts.codes.get(f as usize).map_or(0, Vec::len);
             let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
-            // SAFETY: at the address begins code that was generated with this signature; it is mapped as long as `executable` lives beside it.
+            // SAFETY: at the address begins code that was generated with this signature; it is
+            // mapped as long as `executable` lives beside it.
             addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
         });
         let functions = Function::ALL.map(|f| match *pieces[f as usize] {
@@ -143,7 +148,8 @@ impl CompiledModel {
         &self.parts.watched.unknowns
     }
 
-    /// Places in the workspace of what root functions read besides unknowns; `None` where they read the time or rates, too.
+    /// Places in the workspace of what root functions read besides unknowns; `None` where they read
+    /// the time or rates, too.
     #[must_use]
     pub fn watched_inputs(&self) -> Option<Vec<usize>> {
         let mut places = Vec::new();
@@ -169,7 +175,8 @@ impl CompiledModel {
         model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
     }
 
-    /// Returns `true` if a quadrature or a root function looks at algebraic unknowns, which have to be right within steps then.
+    /// Returns `true` if a quadrature or a root function looks at algebraic unknowns, which have to
+    /// be right within steps then.
     #[must_use]
     pub fn algebraic_are_watched(&self) -> bool {
         let model = &self.parts.model;
@@ -214,7 +221,8 @@ impl CompiledModel {
         &self.layout
     }
 
-    /// Offset of a variable inside its region, of an unknown in `y`; `None` for a variable without memory.
+    /// Offset of a variable inside its region, of an unknown in `y`; `None` for a variable without
+    /// memory.
     #[must_use]
     pub fn offset(&self, var: VarId) -> Option<usize> {
         self.layout.offset(var)
@@ -226,7 +234,8 @@ impl CompiledModel {
         self.executable.len()
     }
 
-    /// A workspace with parameters, actions, discrete variables and disturbances at their defaults, all else zero.
+    /// A workspace with parameters, actions, discrete variables and disturbances at their defaults,
+    /// all else zero.
     #[must_use]
     pub fn memory(&self) -> Memory {
         let mut memory = Memory::new(Arc::clone(&self.layout));

@@ -1,11 +1,12 @@
 //! Derivatives of expressions with respect to variables, as loops.
 //!
-//! Forward and symbolic: the derivative of a node is a list of terms, one for each element pattern ([`Leaf`]) of the variables of
-//! interest that it depends on; lists are kept for each node, so that rows share what they have in common. A sum over a loop
-//! whose counter a leaf uses becomes an entry with one more loop: matrices are never scalarised.
+//! Forward and symbolic: the derivative of a node is a list of terms, one for each element pattern
+//! ([`Leaf`]) of the variables of interest that it depends on; lists are kept for each node, so
+//! that rows share what they have in common. A sum over a loop whose counter a leaf uses becomes an
+//! entry with one more loop: matrices are never scalarised.
 //!
-//! At points where a derivative is infinite (`sqrt(x)` and `x^a`, a < 1, at x = 0) zero is returned: a Newton iteration then goes
-//! on from the rest of the row instead of failing at once.
+//! At points where a derivative is infinite (`sqrt(x)` and `x^a`, a < 1, at x = 0) zero is
+//! returned: a Newton iteration then goes on from the rest of the row instead of failing at once.
 
 use thiserror::Error;
 
@@ -83,8 +84,8 @@ pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Ve
     entries
 }
 
-/// The derivatives of normalised rows by time as it occurs in them, unknowns and their rates held; none where an extremum or a product over a loop moves
-/// with it.
+/// The derivatives of normalised rows by time as it occurs in them, unknowns and their rates held;
+/// none where an extremum or a product over a loop moves with it.
 pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
     if reduces_time(exprs, rows) {
         return None;
@@ -102,7 +103,8 @@ pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
     Some(rows.iter().map(&mut slope).collect())
 }
 
-/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
+/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that
+/// [`normalise`] keeps free for the columns of a matrix only.
 fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
     let (mut seen, mut stack) = (FastSet::default(), vec![]);
     stack.extend(rows.iter().map(|row| (row.value, false)));
@@ -143,7 +145,8 @@ impl Differentiator<'_, '_> {
             if entered {
                 let terms = self.derive(expr);
                 self.known.insert(expr, terms);
-                // A sum of n terms has n partial sums: their lists together would take the square of it.
+                // A sum of n terms has n partial sums: their lists together would take the square
+                // of it.
                 self.exprs.operands(expr).for_each(|o| self.used(o));
             } else {
                 stack.push((expr, true));

@@ -9,13 +9,16 @@
 //! | [`episode`] | the control problem | programs, interface |
 //! | [`check`] | what nothing asked for or nobody chose | warnings and faults |
 //!
-//! All but the first take expressions to nodes by [`lower`] (with [`space`] for what stands over the cells of a domain): names are looked up,
-//! shapes and units checked on what was written, functions and `let`s expanded, indices over enumerated sets unrolled, and equations over
-//! cells become loops. Where a stencil meets the end of a domain, the loop is split on demand: [`lower::cells`] elaborates a body
-//! over a range of cells and starts again with a cut where the body asked for one, so that the first, the inner and the
-//! last cells each get their own equation, however large the grid is.
+//! All but the first take expressions to nodes by [`lower`] (with [`space`] for what stands over
+//! the cells of a domain): names are looked up, shapes and units checked on what was written,
+//! functions and `let`s expanded, indices over enumerated sets unrolled, and equations over cells
+//! become loops. Where a stencil meets the end of a domain, the loop is split on demand:
+//! [`lower::cells`] elaborates a body over a range of cells and starts again with a cut where the
+//! body asked for one, so that the first, the inner and the last cells each get their own equation,
+//! however large the grid is.
 //!
-//! Faults are collected; a faulty expression becomes *poison*, which fits everywhere and causes no further report.
+//! Faults are collected; a faulty expression becomes *poison*, which fits everywhere and causes no
+//! further report.
 
 mod budget;
 mod built_ins;
@@ -78,7 +81,8 @@ pub struct Elaborated {
     pub warnings: Faults,
 }
 
-/// Elaborates the main file `files[0]`; `imports` are the files that `use "path"` means, `data` those of tables.
+/// Elaborates the main file `files[0]`; `imports` are the files that `use "path"` means, `data`
+/// those of tables.
 ///
 /// # Errors
 /// All independent faults of the model.
@@ -181,7 +185,8 @@ fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     (equations, control)
 }
 
-/// Faults of components of which there is no instance, elaborated apart, beside what the file declares.
+/// Faults of components of which there is no instance, elaborated apart, beside what the file
+/// declares.
 fn sample_faults(input: &Input<'_>, unused: &[&Statement]) -> Vec<Diagnostic> {
     if unused.is_empty() {
         return Vec::new();

@@ -1,6 +1,8 @@
-//! Evaluation without machine code: for programs that run rarely, for constants, and as the oracle of the code generator.
+//! Evaluation without machine code: for programs that run rarely, for constants, and as the oracle
+//! of the code generator.
 //!
-//! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the compiled code.
+//! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the
+//! compiled code.
 
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, List, MAX_DEPTH, Place, ReduceFn, Side, Target, VarId};
 use crate::kernels;
@@ -311,16 +313,19 @@ impl Run for Machine<'_, '_> {
     }
 }
 
-/// The value of an expression of constants and of what `value_of` knows (variable, copy, element); `None` if it uses anything else.
+/// The value of an expression of constants and of what `value_of` knows (variable, copy, element);
+/// `None` if it uses anything else.
 ///
-/// Meant for parameters whose numbers are known while the model is built: extents, bounds, exponents.
+/// Meant for parameters whose numbers are known while the model is built: extents, bounds,
+/// exponents.
 #[must_use]
 pub(crate) fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
     let mut known = FastMap::default();
     evaluate(exprs, expr, &mut [0; MAX_DEPTH], value_of, &mut known)
 }
 
-/// Evaluates at given counters; `known` holds the values at these counters. Only reductions recurse, at most as deep as loops nest.
+/// Evaluates at given counters; `known` holds the values at these counters. Only reductions
+/// recurse, at most as deep as loops nest.
 fn evaluate(
     exprs: &Exprs,
     expr: ExprId,
@@ -372,7 +377,8 @@ fn evaluate(
     known.get(&expr).copied()
 }
 
-/// A node's value from its operands' values, and the numbers of all lists; NaN for leaves and reductions, which have none.
+/// A node's value from its operands' values, and the numbers of all lists; NaN for leaves and
+/// reductions, which have none.
 fn apply(node: Expr, [a, b, c]: [f64; 3], numbers: &[f64]) -> f64 {
     let of = |list: List| numbers.get(list.range()).unwrap_or_default();
     let truth = |t: bool| f64::from(u8::from(t));

@@ -1,8 +1,9 @@
 //! The flat model: what elaboration and structure analysis produce and the back end compiles.
 //!
-//! Values are in the units that the model declares; every conversion is a constant factor inside an expression. The *unknowns* are
-//! the states and those algebraic variables that are solved for, arrays laid out one after another (internal order); each
-//! has exactly one [`Row`]. What a user sees has the order of [`Quantities::states`], node after node.
+//! Values are in the units that the model declares; every conversion is a constant factor inside an
+//! expression. The *unknowns* are the states and those algebraic variables that are solved for,
+//! arrays laid out one after another (internal order); each has exactly one [`Row`]. What a user
+//! sees has the order of [`Quantities::states`], node after node.
 
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
@@ -39,7 +40,8 @@ pub struct Model {
     pub explicit: bool,
     /// Functions whose zeros stop the integration.
     pub roots: Vec<Root>,
-    /// Integrands of the quadratures over a step, in the order of the variable of role `Quadrature`.
+    /// Integrands of the quadratures over a step, in the order of the variable of role
+    /// `Quadrature`.
     pub quadratures: Vec<ExprId>,
     /// Their units, for tables; none in a model that was read from JSON.
     pub quadrature_units: Vec<String>,
@@ -52,8 +54,9 @@ pub struct Model {
 }
 
 impl Model {
-    /// Returns `true` if what a program stores is a function of the step, the time and the parameters alone: whatever state the process is in, and
-    /// whatever was done to it, the values are the same.
+    /// Returns `true` if what a program stores is a function of the step, the time and the
+    /// parameters alone: whatever state the process is in, and whatever was done to it, the values
+    /// are the same.
     #[must_use]
     pub fn is_of_the_step_alone(&self, program: &Program) -> bool {
         let values = program.nests.iter().flat_map(|nest| nest.stores.iter().map(|store| store.value));
@@ -125,7 +128,8 @@ pub struct Variable {
     pub span: Span,
 }
 
-/// Residual rows of a nest: for all counters, `0 = residual`, belonging to the unknown element `var[at]`.
+/// Residual rows of a nest: for all counters, `0 = residual`, belonging to the unknown element
+/// `var[at]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Extents of the loops.
@@ -160,7 +164,8 @@ pub struct Delay {
     pub name: String,
     /// Number of elements.
     pub count: u32,
-    /// Declared bounds of a dead time that changes within an episode; infinite for one that does not.
+    /// Declared bounds of a dead time that changes within an episode; infinite for one that does
+    /// not.
     pub bounds: (f64, f64),
     /// When the dead time changes.
     pub lag: Lag,
@@ -201,9 +206,11 @@ pub struct Programs {
     pub parameters: Program,
     /// Initial values of states (in place, into `y`).
     pub initial_states: Program,
-    /// Initial values of discrete variables and disturbances (in place), after the states are known.
+    /// Initial values of discrete variables and disturbances (in place), after the states are
+    /// known.
     pub initial_discretes: Program,
-    /// The steady problem: out = one value an action element, then one a state of [`Steady::fixed`].
+    /// The steady problem: out = one value an action element, then one a state of
+    /// [`Steady::fixed`].
     pub steady: Program,
     /// Conditions at the start: out = left less right side of each.
     pub start_conditions: Program,
@@ -223,7 +230,8 @@ pub struct Programs {
     pub policies: Vec<(String, Program)>,
     /// Invariants: out = value, then rate, for each.
     pub invariants: Program,
-    /// Items of each failure that is a box: out = the value of each item, all failures one after another.
+    /// Items of each failure that is a box: out = the value of each item, all failures one after
+    /// another.
     pub boxes: Program,
     /// Delayed expressions: out = the present value of each element.
     pub delayed: Program,
@@ -234,7 +242,8 @@ pub struct Programs {
 }
 
 impl Programs {
-    /// All of them with their names: `event 0`, `policy nominal`, the others as the fields are called.
+    /// All of them with their names: `event 0`, `policy nominal`, the others as the fields are
+    /// called.
     pub(crate) fn named(&self) -> Vec<(String, &Program)> {
         let fixed = [
             ("parameters", &self.parameters),

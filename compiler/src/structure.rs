@@ -1,12 +1,14 @@
 //! Structure analysis: which equation determines which unknown.
 //!
-//! 0. Loops that go across parts of an array that are defined one by one are cut there. Ranges of numbers over which algebraic
-//!    variables are defined element by element are unrolled.
-//! 1. Equations that are linear in one derivative are solved for it; derivatives on right sides are replaced by their rates.
-//!    Combinations of rates that depend on each other become states.
-//! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the Jacobian sparser, or it closes a loop.
-//! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be matched is reported by name:
-//!    unknowns that nothing determines, equations too many, and equations that bind states only (index above 1).
+//! 0. Loops that go across parts of an array that are defined one by one are cut there. Ranges of
+//!    numbers over which algebraic variables are defined element by element are unrolled.
+//! 1. Equations that are linear in one derivative are solved for it; derivatives on right sides are
+//!    replaced by their rates. Combinations of rates that depend on each other become states.
+//! 2. Explicit algebraic variables are substituted, unless keeping one as an unknown makes the
+//!    Jacobian sparser, or it closes a loop.
+//! 3. What is left is matched: implicit equations to unknowns without an equation. What cannot be
+//!    matched is reported by name: unknowns that nothing determines, equations too many, and
+//!    equations that bind states only (index above 1).
 //! 4. Loops of equations that are singular whatever the numbers are refused.
 //!
 //! Equations over cells are treated as wholes; the work grows with the text, not with the grid.

@@ -135,7 +135,7 @@ pub enum StatementKind {
 pub struct Parameter {
     /// Name as written.
     pub name: Ident,
-    /// What it takes.
+    /// Parameters.
     pub kind: ParameterKind,
 }
 

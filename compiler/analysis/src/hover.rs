@@ -41,7 +41,8 @@ pub fn hover(program: &Program, facts: &Facts, file: FileId, offset: usize) -> O
     of_word(program, facts, file, offset)
 }
 
-/// A word of a statement that could not be parsed, a keyword, or the code of a diagnostic in a comment.
+/// A word of a statement that could not be parsed, a keyword, or the code of a diagnostic in a
+/// comment.
 fn of_word(program: &Program, facts: &Facts, file: FileId, offset: usize) -> Option<Hover> {
     let text = &program.file(file)?.text;
     let range = word_at(text, offset);

@@ -39,7 +39,8 @@ pub(crate) struct Line<'t> {
     pub(crate) prefix: Range<usize>,
     /// The cursor is inside of this token: a text or a comment.
     inside: Option<TokenKind>,
-    /// Keyword before the innermost open brace, and whether a statement may begin after the last token.
+    /// Keyword before the innermost open brace, and whether a statement may begin after the last
+    /// token.
     pub(crate) block: Option<String>,
 }
 
@@ -350,7 +351,8 @@ fn statement_start(text: &str, tokens: &[Token]) -> usize {
             return i;
         }
         let open = matches!(word(i), "{") && depth == 0 && !before_is_block(text, tokens, i);
-        // A line end outside of brackets ends the statement, and so does the brace of a block of statements.
+        // A line end outside of brackets ends the statement, and so does the brace of a block of
+        // statements.
         if depth == 0 && (tokens[i].kind == TokenKind::Newline && !is_open(text, &tokens[..i]) && !continues(word(i + 1)) || open) {
             return i + 1;
         }
@@ -358,7 +360,8 @@ fn statement_start(text: &str, tokens: &[Token]) -> usize {
     0
 }
 
-/// Returns whether the line of a brace begins with the keyword of a block of entries, whose content belongs to that statement.
+/// Returns whether the line of a brace begins with the keyword of a block of entries, whose content
+/// belongs to that statement.
 fn before_is_block(text: &str, tokens: &[Token], brace: usize) -> bool {
     let line = tokens[..brace].iter().rposition(|t| t.kind == TokenKind::Newline).map_or(0, |i| i + 1);
     let word = tokens.get(line).map_or("", |t| &text[t.range.clone()]);

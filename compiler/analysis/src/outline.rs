@@ -33,7 +33,8 @@ fn bytes(span: Span) -> Range<usize> {
     span.start as usize..span.end as usize
 }
 
-/// The outline of a file: declarations and named statements, those of components and variants inside of them.
+/// The outline of a file: declarations and named statements, those of components and variants
+/// inside of them.
 #[must_use]
 pub fn outline(program: &Program, file: FileId) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
@@ -64,7 +65,8 @@ fn place(list: &mut Vec<Entry>, entry: Entry) {
     }
 }
 
-/// Parts of a file that an editor can fold, as lines counted from 0: blocks, long statements, comments, and sections.
+/// Parts of a file that an editor can fold, as lines counted from 0: blocks, long statements,
+/// comments, and sections.
 #[must_use]
 pub fn folds(program: &Program, file: FileId) -> Vec<Range<usize>> {
     let Some(source) = program.file(file) else { return Vec::new() };

@@ -1,4 +1,5 @@
-//! Entries of the language's reference: built-in names, statement keywords, units and codes of diagnostics.
+//! Entries of the language's reference: built-in names, statement keywords, units and codes of
+//! diagnostics.
 
 use smpl_compiler::elaborate::{BUILTINS, Builtin, built_in_names};
 use smpl_dsl::diagnostic::{Code, codes};
@@ -151,7 +152,8 @@ pub fn anchor(code: Code) -> String {
 pub struct Explanation {
     /// The code.
     pub code: Code,
-    /// The section in Markdown, without its heading: meaning, wrong text, what is reported, right text.
+    /// The section in Markdown, without its heading: meaning, wrong text, what is reported, right
+    /// text.
     pub section: &'static str,
 }
 

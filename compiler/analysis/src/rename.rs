@@ -89,7 +89,8 @@ impl Texts for Changed<'_> {
     }
 }
 
-/// A declared name: file and first byte. It identifies a symbol in every program that reads the file.
+/// A declared name: file and first byte. It identifies a symbol in every program that reads the
+/// file.
 type Declared = (PathBuf, u32);
 
 fn declared(program: &Program, id: SymbolId) -> Option<Declared> {

@@ -191,7 +191,8 @@ pub struct Symbol {
     pub bounds: Option<(Span, Span)>,
     /// Names of arguments: of a function, of a component's structural parameters.
     pub arguments: Vec<String>,
-    /// Component of an instance, connector of a port, set of an index or of a table, base of a component.
+    /// Component of an instance, connector of a port, set of an index or of a table, base of a
+    /// component.
     pub of: Option<String>,
 }
 
@@ -291,7 +292,8 @@ impl Symbols {
         self.iter().filter(move |(_, symbol)| inside(symbol) && !symbol.kind.is_local())
     }
 
-    /// The scope that the members of a symbol are in: the component of an instance, the connector of a port, a set or choice itself.
+    /// The scope that the members of a symbol are in: the component of an instance, the connector
+    /// of a port, a set or choice itself.
     #[must_use]
     pub fn scope_of(&self, id: SymbolId) -> Option<SymbolId> {
         let symbol = self.get(id);

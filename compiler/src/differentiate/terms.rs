@@ -20,8 +20,9 @@ pub(super) struct Term {
     pub(super) value: ExprId,
 }
 
-/// Derivatives of a node: a number and a factor common to all times terms, one for each leaf, ascending. Numbers and factors are
-/// multiplied with each other on the way up and with the terms at last, where lists with different factors are added.
+/// Derivatives of a node: a number and a factor common to all times terms, one for each leaf,
+/// ascending. Numbers and factors are multiplied with each other on the way up and with the terms
+/// at last, where lists with different factors are added.
 #[derive(Clone)]
 pub(super) struct Terms {
     pub(super) list: Rc<[Term]>,

@@ -158,7 +158,8 @@ fn form(l: &mut Lowering<'_, '_>, left: ExprId, right: ExprId) -> EquationForm {
     EquationForm::Implicit { residual: l.exprs.sub(left, right) }
 }
 
-/// Returns `true` if an equation over a range of numbers may be a loop: not where it couples derivatives, which are eliminated one by one.
+/// Returns `true` if an equation over a range of numbers may be a loop: not where it couples
+/// derivatives, which are eliminated one by one.
 fn may_loop(l: &Lowering<'_, '_>, form: EquationForm) -> bool {
     match form {
         EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !l.exprs.has_derivative(value),
@@ -166,7 +167,8 @@ fn may_loop(l: &Lowering<'_, '_>, form: EquationForm) -> bool {
     }
 }
 
-/// Returns `true` if no sum depends on a range and not on a loop around it, which would repeat it in each pass.
+/// Returns `true` if no sum depends on a range and not on a loop around it, which would repeat it
+/// in each pass.
 fn shares_sums(l: &Lowering<'_, '_>, form: EquationForm, runs: u8, depth: u8) -> bool {
     let repeats = |free: u8| (0..depth).any(|d| runs & free & (1 << d) != 0 && !free & ((1 << d) - 1) != 0);
     !l.exprs.has_reduction(form.value(), repeats)

@@ -160,7 +160,8 @@ fn unknowns(at: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<Vec<VarId
     }
 }
 
-/// States and solved variables among the quantities are those that equations determine, in the same order.
+/// States and solved variables among the quantities are those that equations determine, in the same
+/// order.
 fn check_families(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let at = root.field("quantities")?;
     let length =

@@ -22,7 +22,8 @@ pub struct Interface {
     pub ports: Vec<Port>,
     /// Domains in space.
     pub grids: Vec<Grid>,
-    /// Names of the phases in their order, whose number (from 1) the discrete variable `phase` holds; empty without a schedule.
+    /// Names of the phases in their order, whose number (from 1) the discrete variable `phase`
+    /// holds; empty without a schedule.
     pub phases: Vec<String>,
     /// Random numbers: element i of the variable of role `Draw`.
     pub draws: Vec<Draw>,
@@ -52,9 +53,11 @@ pub struct Interface {
 pub struct Quantities {
     /// Differential states.
     pub states: Vec<Quantity>,
-    /// Positions in `y` of the state elements in declaration order; `None` where it is the identity.
+    /// Positions in `y` of the state elements in declaration order; `None` where it is the
+    /// identity.
     pub state_order: Option<Vec<u32>>,
-    /// Algebraic outputs: declared algebraic variables and `let`s with a unit, then the members of ports.
+    /// Algebraic outputs: declared algebraic variables and `let`s with a unit, then the members of
+    /// ports.
     pub algebraics: Vec<Quantity>,
     /// Solved algebraic unknowns (the part of `y` after the states).
     pub solved: Vec<Quantity>,
@@ -99,7 +102,8 @@ pub struct PortMember {
     pub name: String,
     /// Name of the output that is its value, among [`Quantities::algebraics`].
     pub output: String,
-    /// Name of the state, action, disturbance, parameter or discrete variable that it always is, number by number; `None` where it is computed.
+    /// Name of the state, action, disturbance, parameter or discrete variable that it always is,
+    /// number by number; `None` where it is computed.
     pub equals: Option<String>,
 }
 
@@ -143,7 +147,8 @@ impl Finish {
 /// Layout of the output of [`super::Programs::finish`]: the parts one after another.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FinishLayout {
-    /// For each failure two numbers: 1 if it holds, NaN if that is unknown, and the violation (largest excess over the range, 0 when kept).
+    /// For each failure two numbers: 1 if it holds, NaN if that is unknown, and the violation
+    /// (largest excess over the range, 0 when kept).
     pub failures: Range<usize>,
     /// For each success condition one number, 1 if it holds, NaN if that is unknown.
     pub successes: Range<usize>,
@@ -175,9 +180,11 @@ pub struct Invariant {
 /// The steady problem.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Steady {
-    /// State elements (positions in `y`) whose values the problem fixes; the program `steady` gives them.
+    /// State elements (positions in `y`) whose values the problem fixes; the program `steady` gives
+    /// them.
     pub fixed: Vec<u32>,
-    /// Number of conditions on the steady state, `A + B = 1`; the program `steady` gives their differences, left less right, last.
+    /// Number of conditions on the steady state, `A + B = 1`; the program `steady` gives their
+    /// differences, left less right, last.
     pub conditions: u32,
     /// The steady state is given in full, nothing is solved.
     pub given: bool,
@@ -185,14 +192,16 @@ pub struct Steady {
     pub free: Vec<u32>,
 }
 
-/// Conditions at the start, `initial eq p = 2 [bar] for z`: as many states as there are conditions become unknowns of the start.
+/// Conditions at the start, `initial eq p = 2 [bar] for z`: as many states as there are conditions
+/// become unknowns of the start.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StartCondition {
     /// Source of the statement.
     pub span: Span,
     /// Number of conditions: elements of its loops.
     pub count: u32,
-    /// Elements of states that become unknowns first, by name: those of `free`, or those whose rate is given.
+    /// Elements of states that become unknowns first, by name: those of `free`, or those whose rate
+    /// is given.
     pub free: Vec<String>,
     /// No other state may become an unknown.
     pub only: bool,
@@ -257,7 +266,8 @@ impl Alternatives {
 /// One random number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Draw {
-    /// Name of its stream: what it is drawn for; the same name and element give the same number in every run.
+    /// Name of its stream: what it is drawn for; the same name and element give the same number in
+    /// every run.
     pub stream: String,
     /// Standard variate.
     pub kind: Variate,

@@ -29,7 +29,8 @@ pub struct Quantity {
     pub scale: Vec<f64>,
     /// The unit is a point on a scale (degC).
     pub affine_unit: bool,
-    /// Sizes or indices were computed from it (a parameter) when the model was compiled: it has that value.
+    /// Sizes or indices were computed from it (a parameter) when the model was compiled: it has
+    /// that value.
     pub structural: bool,
     /// A state that never falls below zero.
     pub nonnegative: bool,
@@ -65,7 +66,8 @@ pub struct Grid {
     pub name: String,
     /// Unit of its coordinate.
     pub unit: String,
-    /// Faces of the cells, one more than there are cells, for parameters as they were when the model was compiled; empty where that does not tell.
+    /// Faces of the cells, one more than there are cells, for parameters as they were when the
+    /// model was compiled; empty where that does not tell.
     pub faces: Vec<f64>,
     /// The elements of parameters that the faces depend on, with the values that they had.
     pub parameters: Vec<(VarId, u32, f64)>,

@@ -44,10 +44,12 @@ pub enum TestStep {
     },
 }
 
-/// An expectation. Numbers are places behind the declared outputs of the model, in the order of the outputs of a model compiled with its tests.
+/// An expectation. Numbers are places behind the declared outputs of the model, in the order of the
+/// outputs of a model compiled with its tests.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expectation {
-    /// The number is 1; NaN where the condition is unknown. Of a comparison, both sides and their unit.
+    /// The number is 1; NaN where the condition is unknown. Of a comparison, both sides and their
+    /// unit.
     Holds {
         /// The condition.
         holds: usize,
@@ -69,7 +71,8 @@ pub enum Expectation {
     Failure(Option<String>),
     /// The episode has ended in a success, of that name.
     Success(Option<String>),
-    /// The largest change of a state over a step at the present rate, relative to its scale, is at most a tolerance.
+    /// The largest change of a state over a step at the present rate, relative to its scale, is at
+    /// most a tolerance.
     Steady {
         /// The change.
         change: usize,

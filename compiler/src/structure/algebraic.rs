@@ -36,11 +36,13 @@ pub(crate) fn plan(model: &mut Model, equations: &mut [Equation]) -> Plan {
         if let EquationForm::Definition { var, at, .. } = equation.form
             && equation.extents.is_empty()
         {
-            // A second definition of an element stays an equation; matching will find it one too many.
+            // A second definition of an element stays an equation; matching will find it one too
+            // many.
             candidates.entry((var, at.offset)).or_insert(i);
         }
     }
-    // Elements that some expression reads by a loop cannot be substituted one by one, nor parts of arrays that one goes across.
+    // Elements that some expression reads by a loop cannot be substituted one by one, nor parts of
+    // arrays that one goes across.
     let mut arrays = wholes(model, equations);
     let mut in_loops: FastSet<VarId> = FastSet::default();
     for equation in equations.iter().filter(|e| !e.extents.is_empty()) {
@@ -135,8 +137,8 @@ fn part_of(arrays: &FastMap<VarId, Whole>, (var, part): Element) -> Option<usize
     arrays.get(&var)?.equations.get(number).copied()
 }
 
-/// Keeps an element as an unknown where substitution would put (what it depends on) × (where it is used) entries into the Jacobian
-/// in place of their sum.
+/// Keeps an element as an unknown where substitution would put (what it depends on) × (where it is
+/// used) entries into the Jacobian in place of their sum.
 fn keep_for_sparsity(
     model: &Model,
     equations: &[Equation],
@@ -273,7 +275,8 @@ pub(crate) fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan:
     let algebraic = with_algebraic(&model.exprs, &role);
     // Nodes that are made on the way are not in the table.
     let concerned = |_: &Exprs, e: ExprId| algebraic.get(e.as_u32() as usize).copied().unwrap_or(true);
-    // Each definition after those that it needs: what is written in it is final, and so is whatever `done` holds.
+    // Each definition after those that it needs: what is written in it is final, and so is whatever
+    // `done` holds.
     let mut done = Rewritten::default();
     for &element in &plan.order {
         let equation = part_of(&plan.arrays, element).or_else(|| plan.substituted.get(&element).copied());

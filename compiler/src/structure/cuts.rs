@@ -1,7 +1,7 @@
 //! Loops that go across the parts of an array are cut where a part ends.
 //!
-//! `eq w[i] = a for i in 1..100` and `eq w[i] = b for i in 101..200` define `w` in two parts; what reads `w[i]` for i in 1..200 is one
-//! loop for each of them.
+//! `eq w[i] = a for i in 1..100` and `eq w[i] = b for i in 101..200` define `w` in two parts; what
+//! reads `w[i]` for i in 1..200 is one loop for each of them.
 
 use super::common::replace_everywhere;
 use super::reads::looped_reads;
@@ -10,7 +10,8 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, LoopVar, Rewritten, VarId};
 use crate::model::Model;
 
-/// Rounds of cutting: each may cut definitions into parts that others go across. What is left is unrolled or stays unknown.
+/// Rounds of cutting: each may cut definitions into parts that others go across. What is left is
+/// unrolled or stays unknown.
 const ROUNDS: usize = 16;
 
 /// Cuts loops of equations and of sums.

@@ -20,7 +20,8 @@ const MOST_SOUGHT: usize = 20;
 /// Largest number of iterations of an implicit equation that is unrolled for matching.
 const WRITTEN_OUT: i64 = 20_000;
 
-/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are the equations before substitutions, for messages.
+/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are
+/// the equations before substitutions, for messages.
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
@@ -52,7 +53,8 @@ pub(crate) fn rows(
     let mut unknown = unknown_elements(model, plan, rates);
     let mut determined: FastMap<Element, Span> = plan.spans.clone();
     let mut matched: Vec<Row> = Vec::new();
-    // A definition that is kept determines its own variable; with one more for the same element either may determine another one.
+    // A definition that is kept determines its own variable; with one more for the same element
+    // either may determine another one.
     for row in definitions {
         let mut fits = true;
         for_each_element(&row.extents, row.at, &mut |i| fits &= unknown.contains(&(row.var, i)));
@@ -82,7 +84,8 @@ pub(crate) fn rows(
     Ok(complete(model, rows))
 }
 
-/// Elements that need an equation: algebraic ones that are not substituted, states without an explicit rate.
+/// Elements that need an equation: algebraic ones that are not substituted, states without an
+/// explicit rate.
 fn unknown_elements(model: &Model, plan: &Plan, rates: &Rates) -> BTreeSet<Element> {
     let mut out = BTreeSet::new();
     for (var, v) in model.vars.iter() {
@@ -195,7 +198,8 @@ impl Matching<'_> {
         Findings { equations: self.equations, left, missing, instead, owners }
     }
 
-    /// For each unknown without an equation the ones that could be without it instead: those on alternating paths from it.
+    /// For each unknown without an equation the ones that could be without it instead: those on
+    /// alternating paths from it.
     fn alternatives(
         &self,
         missing: &[Element],
@@ -223,7 +227,8 @@ impl Matching<'_> {
         out
     }
 
-    /// An augmenting path from an equation; the unknowns that it can reach where there is none. Iterative, since paths may be long.
+    /// An augmenting path from an equation; the unknowns that it can reach where there is none.
+    /// Iterative, since paths may be long.
     fn augment(&self, start: usize, unknown: &BTreeSet<Element>, pairs: &mut Pairs) -> Option<Rc<[Element]>> {
         let mut from: FastMap<Element, usize> = FastMap::default();
         let mut reached: Option<Rc<[Element]>> = None;
@@ -263,7 +268,8 @@ struct Pairs {
     owner: FastMap<Element, usize>,
     /// The unknown of each equation.
     own: Vec<Option<Element>>,
-    /// Unknowns from which no path leads to a free one, with all that are reached together with them.
+    /// Unknowns from which no path leads to a free one, with all that are reached together with
+    /// them.
     closed: FastMap<Element, Rc<[Element]>>,
 }
 
@@ -298,7 +304,8 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
         .collect()
 }
 
-/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
+/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables
+/// of their own.
 fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
     // How much of each algebraic variable is solved for, and where.
     let mut parts: BTreeMap<VarId, (i64, Vec<i64>)> = BTreeMap::new();

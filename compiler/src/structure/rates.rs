@@ -15,8 +15,8 @@ pub(crate) struct Rates {
     pub covered: FastMap<VarId, Vec<bool>>,
 }
 
-/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly, that no other equation gives: `w = der(x)` is one for `w` where
-/// `d/dt x = ...` stands elsewhere.
+/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly, that no other equation
+/// gives: `w = der(x)` is one for `w` where `d/dt x = ...` stands elsewhere.
 pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
     let mut given = Given { covered: FastMap::default(), vars };
     for equation in equations.iter() {
@@ -146,7 +146,8 @@ pub(crate) fn cover_states(model: &Model, equations: &[Equation]) -> Result<Rate
     if faults.is_empty() { Ok(Rates { covered }) } else { Err(faults) }
 }
 
-/// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where these are explicit.
+/// Replaces derivatives on right sides, in programs and elsewhere by the rates themselves, where
+/// these are explicit.
 pub(crate) fn substitute_derivatives(model: &mut Model, equations: &mut [Equation]) {
     let pieces: Vec<(VarId, Affine, Vec<u32>, ExprId)> = equations
         .iter()
@@ -170,7 +171,8 @@ struct Resolver {
 }
 
 impl Resolver {
-    /// The rate of an element (or of the elements of a loop), free of derivatives; `None` where there is none or it needs itself.
+    /// The rate of an element (or of the elements of a loop), free of derivatives; `None` where
+    /// there is none or it needs itself.
     fn rate(&mut self, exprs: &mut Exprs, var: VarId, at: Affine) -> Option<ExprId> {
         if let Some(known) = self.done.get(&(var, at)) {
             return *known;
@@ -197,8 +199,9 @@ impl Resolver {
     }
 }
 
-/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop for a single element inside it. A loop
-/// that is shifted against the piece is refused: its ends would belong to other equations.
+/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop
+/// for a single element inside it. A loop that is shifted against the piece is refused: its ends
+/// would belong to other equations.
 fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
     if own == at {
         return Some(Vec::new());

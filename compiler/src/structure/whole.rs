@@ -5,14 +5,16 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, LoopVar, Loops, MAX_DEPTH, Nest, Store, Target, VarId, loops_of};
 use crate::model::Model;
 
-/// An algebraic variable whose elements are defined by loops over equal parts of it: one loop nest a part.
+/// An algebraic variable whose elements are defined by loops over equal parts of it: one loop nest
+/// a part.
 #[derive(Clone, Debug)]
 pub(crate) struct Whole {
     /// The equation of each part.
     pub equations: Vec<usize>,
     /// Extents of the loops of a part.
     extents: Vec<u32>,
-    /// Parts lie side by side (`c[i in trays, j in species]`, a part for each species), not one after another.
+    /// Parts lie side by side (`c[i in trays, j in species]`, a part for each species), not one
+    /// after another.
     interleaved: bool,
 }
 
@@ -64,8 +66,9 @@ impl Whole {
         Some(Whole { equations: equations?, extents: extents.clone(), interleaved: interleaved? })
     }
 
-    /// The part in which the element of the first pass lies, and its index along each of its loops; `None` if others lie elsewhere
-    /// whatever the extents of loops are. Elements of further passes [may](Self::holds) lie in other parts.
+    /// The part in which the element of the first pass lies, and its index along each of its loops;
+    /// `None` if others lie elsewhere whatever the extents of loops are. Elements of further passes
+    /// [may](Self::holds) lie in other parts.
     pub(crate) fn locate(&self, at: Affine) -> Option<(usize, Vec<Affine>)> {
         let count = self.equations.len() as i64;
         let mut indices;
@@ -96,7 +99,8 @@ impl Whole {
         self.locate(at).is_some_and(|(_, indices)| indices.iter().zip(&self.extents).all(inside))
     }
 
-    /// Passes of the loop at `depth` before which it goes over to another part, where no other loop moves it between parts.
+    /// Passes of the loop at `depth` before which it goes over to another part, where no other loop
+    /// moves it between parts.
     pub(crate) fn turns(&self, at: Affine, depth: usize, extent: u32) -> Vec<i64> {
         if !self.is_in_parts() {
             return Vec::new();
@@ -163,8 +167,8 @@ fn row_major(extents: &[u32]) -> Affine {
     at
 }
 
-/// Makes the loops of programs fit what is substituted: loops over a whole array become one for each of its parts; what reads elements
-/// that are `defined` one by one is unrolled.
+/// Makes the loops of programs fit what is substituted: loops over a whole array become one for
+/// each of its parts; what reads elements that are `defined` one by one is unrolled.
 pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
     if arrays.is_empty() && defined.is_empty() {
         return;
@@ -186,7 +190,8 @@ pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defi
     }
 }
 
-/// A load in a nest that goes across parts of an array, or through elements that are defined one by one.
+/// A load in a nest that goes across parts of an array, or through elements that are defined one by
+/// one.
 fn across(exprs: &Exprs, nest: &Nest, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) -> Option<(VarId, Affine)> {
     let concerned = |v: VarId| arrays.contains_key(&v) || defined.contains(&v);
     let looped = |at: &Affine| (0..nest.loops.len()).any(|d| at.strides[d] != 0);
@@ -234,8 +239,8 @@ fn one_by_one(exprs: &mut Exprs, nest: &Nest) -> Vec<Nest> {
     passes.into_iter().map(|stores| Nest { loops: Vec::new(), stores }).collect()
 }
 
-/// A definition with the counters of its loops in the place of `indices`; its sums count with counters that these do not use.
-/// `None` where the loops would nest too deeply.
+/// A definition with the counters of its loops in the place of `indices`; its sums count with
+/// counters that these do not use. `None` where the loops would nest too deeply.
 pub(super) fn placed(exprs: &mut Exprs, value: ExprId, indices: &[Affine]) -> Option<ExprId> {
     let mut map = [Affine::default(); MAX_DEPTH];
     map[..indices.len()].copy_from_slice(indices);

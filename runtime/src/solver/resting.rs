@@ -1,7 +1,8 @@
 //! Systems without states: algebra only, which time and inputs move.
 //!
-//! The methods step differential equations. A system that has none gets an unknown at rest before its own, y' = 0, which nothing reads and
-//! nobody sees: events, integrals and the look at what time moves are then those of every other system.
+//! The methods step differential equations. A system that has none gets an unknown at rest before
+//! its own, y' = 0, which nothing reads and no caller sees: events, integrals and the look at what
+//! time moves are then those of every other system.
 
 use super::{Advance, Bounds, Carried, Edge, Integrator, Pattern, PatternError, RootKind, Settings, SolveError, Statistics, System};
 
@@ -11,7 +12,8 @@ struct WithRest<'s> {
     shape: &'s Shape,
 }
 
-/// The system itself: lent for a call, or shown to the constructor of a method, which evaluates nothing.
+/// The system itself: lent for a call, or shown to the constructor of a method, which evaluates
+/// nothing.
 enum Inner<'s> {
     Lent(&'s mut dyn System),
     Shown(&'s dyn System),
@@ -33,7 +35,7 @@ impl Inner<'_> {
     }
 }
 
-/// What is known of such a system without evaluating it.
+/// Properties of such a system that need no evaluation.
 struct Shape {
     differential: Vec<bool>,
     pattern: Pattern,

@@ -1,11 +1,13 @@
-//! Lints: texts that are legal and unwise, each with a code. A comment `# allow W0302` on the line, or alone on the line above, silences one.
+//! Lints: texts that are legal and unwise, each with a code. A comment `# allow W0302` on the line,
+//! or alone on the line above, silences one.
 
 use smpl_compiler::model::{Interface, Quantity};
 use smpl_dsl::diagnostic::{Code, Diagnostic, SourceMap, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Declaration, Expr, ExprKind, File, Role, Statement, StatementKind};
 
-/// Numbers that are constants of nature, and what to write instead; a literal within this relative distance is one.
+/// Numbers that are constants of nature, and what to write instead; a literal within this relative
+/// distance is one.
 const CONSTANTS: &[(f64, f64, &str, &str)] = &[
     (273.15, 1e-6, "the zero of the Celsius scale in kelvin", "use `kelvin(T)` or `celsius(T)`"),
     (8.314_462_618, 1e-3, "the molar gas constant", "declare it: `param R : J/(mol K) = 8.314462618`"),
@@ -77,7 +79,8 @@ fn statements(list: &[Statement], interface: &Interface, found: &mut Vec<Diagnos
     }
 }
 
-/// Expressions in which a number has no declared unit: those of equations, definitions, updates and of the control problem.
+/// Expressions in which a number has no declared unit: those of equations, definitions, updates and
+/// of the control problem.
 fn expressions(kind: &StatementKind) -> Vec<&Expr> {
     match kind {
         StatementKind::Equation { lhs, rhs, .. } => vec![lhs, rhs],

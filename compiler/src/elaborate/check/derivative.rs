@@ -7,7 +7,8 @@ use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, File, Role, Statement, 
 /// Longest derivative that is shown.
 const LONGEST: usize = 300;
 
-/// Adds to faults about constraints that are to be differentiated the time derivative of the equation, where it can be written.
+/// Adds to faults about constraints that are to be differentiated the time derivative of the
+/// equation, where it can be written.
 pub(crate) fn show_derivatives(files: &[File], sources: &SourceMap, faults: &mut Faults) {
     for fault in faults.iter_mut().filter(|fault| fault.code == codes::HIGH_INDEX && !fault.notes.is_empty()) {
         let found = files.iter().find_map(|file| equation(&file.statements, &[], fault.primary.span));

@@ -206,7 +206,8 @@ impl<'a> Declaring<'_, 'a> {
 }
 
 impl<'a> Symbols<'a> {
-    /// Kind of a structural parameter in a sample: a set where something runs over it, else a number.
+    /// Kind of a structural parameter in a sample: a set where something runs over it, else a
+    /// number.
     pub(in crate::elaborate) fn sampled(&self, scope: ScopeId, name: &Ident, bodies: &[&[Statement]]) -> SymbolKind<'a> {
         if !bodies.iter().copied().flatten().any(|s| runs_over(s, &name.text)) {
             return SymbolKind::Integer(SAMPLE as i64);

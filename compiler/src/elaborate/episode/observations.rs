@@ -75,7 +75,8 @@ fn level<'a>(item: &Item<'a>) -> Option<(&'a Ident, &'a [Statement])> {
     }
 }
 
-/// The levels that extend another one, with its name; reports bases that do not exist or extend each other.
+/// The levels that extend another one, with its name; reports bases that do not exist or extend
+/// each other.
 fn level_bases<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> FxHashMap<&'a str, &'a Ident> {
     let mut bases: FxHashMap<&'a str, &'a Ident> = FxHashMap::default();
     for (_, item) in each(blocks) {
@@ -110,7 +111,7 @@ fn level_chain<'n>(name: &'n str, bases: &FxHashMap<&'n str, &'n Ident>) -> Vec<
     chain
 }
 
-/// What the items of a block observe at a level.
+/// Observations of the items of a block at a level.
 fn observed_at<'a>(l: &Lowering<'_, 'a>, items_of: &[Item<'a>], wanted: &str) -> Vec<Item<'a>> {
     if wanted == "default" {
         return items_of.iter().copied().filter(|item| matches!(item, Item::Observe(_))).collect();
@@ -119,7 +120,8 @@ fn observed_at<'a>(l: &Lowering<'_, 'a>, items_of: &[Item<'a>], wanted: &str) ->
     bodies.flat_map(|(_, body)| items(body, &l.input.selection)).filter(|item| matches!(item, Item::Observe(_))).collect()
 }
 
-/// Refuses observations of one name, whatever their texts are: tables and data sets tell them by it.
+/// Refuses observations of one name, whatever their texts are: tables and data sets tell them by
+/// it.
 fn refuse_twice(l: &mut Lowering<'_, '_>, made: &[Observed], span: Span, known: &mut FxHashMap<String, Span>) {
     for observed in made {
         if let Some(first) = known.insert(observed.name.clone(), span).filter(|_| !l.ledger.reports.has_errors()) {

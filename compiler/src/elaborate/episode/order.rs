@@ -78,7 +78,8 @@ impl Writers {
         of.single[from.min(until)..until].iter().copied().chain(within).collect()
     }
 
-    /// The last nests that write an element that one reads, of those that write nothing that it writes too: these are before or after it by that.
+    /// The last nests that write an element that one reads, of those that write nothing that it
+    /// writes too: these are before or after it by that.
     fn of_read(&self, i: usize, (var, at): Element) -> Vec<usize> {
         let Some(of) = self.of.get(&var) else { return Vec::new() };
         let own = || self.written[i].iter().filter(|w| w.0 == var);
@@ -102,8 +103,8 @@ impl Writers {
     }
 }
 
-/// Nests of initial values so that each follows those whose results it reads; scalars that read nothing stay together, first. And
-/// those that need each other.
+/// Nests of initial values so that each follows those whose results it reads; scalars that read
+/// nothing stay together, first. And those that need each other.
 pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>) -> (Vec<Nest>, Vec<Diagnostic>) {
     let states_read = |e: ExprId| states_read(exprs, vars, e);
     let mut list = Vec::with_capacity(nests.len());
@@ -193,7 +194,8 @@ mod tests {
         }
     }
 
-    /// Of all that write an element before it, a nest needs the last one only: thousands of starts of the same states are no work.
+    /// Of all that write an element before it, a nest needs the last one only: thousands of starts
+    /// of the same states are no work.
     #[test]
     fn needs_do_not_grow_with_the_square_of_the_nests() {
         let at = |k: usize| (VarId::from_u32(0), Affine::constant(k as i64 % 40));

@@ -99,7 +99,8 @@ fn axis_named(l: &mut Lowering<'_, '_>, set: &Ident, place: &Place) -> Option<Ax
     }
 }
 
-/// Checks that an argument is an array over what a parameter says, and gives the sets that the parameter names and the model does not declare.
+/// Checks that an argument is an array over what a parameter says, and gives the sets that the
+/// parameter names and the model does not declare.
 fn array(
     l: &mut Lowering<'_, '_>,
     (name, binders): (&Ident, &[Binder]),

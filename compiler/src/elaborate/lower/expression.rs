@@ -100,14 +100,16 @@ impl<'a> Lowering<'_, 'a> {
         }
     }
 
-    /// An expression as a number in `target`; a pure number is taken in it. Reports a mismatch against `what`.
+    /// An expression as a number in `target`; a pure number is taken in it. Reports a mismatch
+    /// against `what`.
     pub(in crate::elaborate) fn number_in(&mut self, e: &Expr, target: &Unit, what: &str, declared: Span, place: &Place) -> ExprId {
         let v = self.declared_value(e, place, &mut |s, v, span| s.values().in_unit(v, target, span, what, declared), target);
         self.values().in_unit(v, target, e.span, what, declared)
     }
 
-    /// An expression where a unit is declared. The branches of an `if` stand in that place themselves: each is taken in the unit, by `taken`, so
-    /// that a pure number in one of them means the same as alone.
+    /// An expression where a unit is declared. The branches of an `if` stand in that place
+    /// themselves: each is taken in the unit, by `taken`, so that a pure number in one of them
+    /// means the same as alone.
     pub(in crate::elaborate) fn declared_value(
         &mut self,
         e: &Expr,
@@ -406,7 +408,8 @@ fn needs_itself(l: &mut Lowering<'_, '_>, symbol: SymbolId) -> Value {
     )
 }
 
-/// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is drawn.
+/// The value of a `let` with a unit, in that unit: strictly, but for a pure number and what is
+/// drawn.
 fn value_of_let<'m, 'a>(l: &mut Lowering<'m, 'a>, symbol: SymbolId, definition: &Expr, unit: &Unit, random: bool, place: &Place) -> Value {
     let declared = l.symbols[symbol].span;
     let what = format!("`{}`", l.symbols[symbol].path);
@@ -423,7 +426,8 @@ fn value_of_let<'m, 'a>(l: &mut Lowering<'m, 'a>, symbol: SymbolId, definition: 
 fn builtin_name<'m, 'a>(l: &mut Lowering<'m, 'a>, name: &Ident) -> Option<Value> {
     let builtin = |s: &mut Lowering<'m, 'a>, b: Builtin| s.exprs.load(s.hidden.builtins, Flavour::Value, Affine::constant(b as i64));
     Some(match name.text.as_str() {
-        // Pure numbers in any unit, as the functions of numbers that they stand for: `pi` is half a turn.
+        // Pure numbers in any unit, as the functions of numbers that they stand for: `pi` is half a
+        // turn.
         "pi" => Value::of(l.exprs.constant(std::f64::consts::PI), Unit::one()),
         "e" => Value::of(l.exprs.constant(std::f64::consts::E), Unit::one()),
         "inf" => Value { expr: l.exprs.constant(f64::INFINITY), unit: Measure::Zero },

@@ -89,7 +89,7 @@ pub(in crate::elaborate) fn address(
     Some((at, bounds))
 }
 
-/// What an index along an axis is bound to.
+/// Binding of an index along an axis.
 pub(in crate::elaborate) fn bound_index(l: &mut Lowering<'_, '_>, axis: Axis, e: &Expr, place: &Place) -> Option<Bound> {
     match axis {
         Axis::Set(set) => match l.run_index(e, place) {
@@ -109,7 +109,8 @@ pub(in crate::elaborate) fn bound_index(l: &mut Lowering<'_, '_>, axis: Axis, e:
     }
 }
 
-/// The fault of indices that are those of an array in another order: some do not fit their axis, and in another order all do.
+/// The fault of indices that are those of an array in another order: some do not fit their axis,
+/// and in another order all do.
 fn wrong_order(l: &Lowering<'_, '_>, symbol: SymbolId, axes: &[Axis], index: &[Expr], span: Span, place: &Place) -> Option<Diagnostic> {
     if !(2..=4).contains(&axes.len()) {
         return None;

@@ -1,4 +1,5 @@
-//! Tables as polynomials between their points: the piece is searched, its coefficients are looked up.
+//! Tables as polynomials between their points: the piece is searched, its coefficients are looked
+//! up.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -12,7 +13,8 @@ use crate::elaborate::lower::{Lowering, reads};
 use crate::elaborate::symbols::{Grid, Outside, SymbolId, SymbolKind};
 use crate::ir::{BinaryFn, ExprId, Exprs, Side};
 
-/// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless quantity is no time.
+/// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless
+/// quantity is no time.
 pub(in crate::elaborate) fn table_argument(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, symbol: SymbolId, place: &Place) -> ExprId {
     let (declared, path) = (l.symbols[symbol].span, l.symbols[symbol].path.clone());
     let word = if matches!(l.symbols[symbol].kind, SymbolKind::Surface { .. }) { "argument" } else { "time" };
@@ -108,7 +110,8 @@ fn ends(x: &[f64]) -> (f64, f64) {
     x.first().zip(x.last()).map_or((0.0, 0.0), |(first, last)| (*first, *last))
 }
 
-/// The polynomial of the rectangle in which the point lies; outside of all the nearest point of the border, and its tangents where the table goes on by lines.
+/// The polynomial of the rectangle in which the point lies; outside of all the nearest point of the
+/// border, and its tangents where the table goes on by lines.
 fn patch(exprs: &mut Exprs, at: [ExprId; 2], ends: [(f64, f64); 2], grid: &Grid, cubic: bool, outside: Outside) -> ExprId {
     let inside = [0, 1].map(|k| {
         let (low, high) = (exprs.constant(ends[k].0), exprs.constant(ends[k].1));
@@ -139,7 +142,8 @@ fn starts(x: &[f64]) -> Vec<f64> {
     x[..x.len().max(2) - 1].to_vec()
 }
 
-/// Coefficients of the powers of both distances, for each rectangle, and where the rectangles begin.
+/// Coefficients of the powers of both distances, for each rectangle, and where the rectangles
+/// begin.
 fn coefficients(grid: &Grid, cubic: bool) -> ([[Vec<f64>; 4]; 4], [Vec<f64>; 2]) {
     let (x, y) = (&grid.first, &grid.second);
     let (n, m) = (x.len(), y.len());
@@ -163,7 +167,8 @@ fn coefficients(grid: &Grid, cubic: bool) -> ([[Vec<f64>; 4]; 4], [Vec<f64>; 2])
         for j in 0..m.max(2) - 1 {
             let (right, up) = ((i + 1).min(n - 1), (j + 1).min(m - 1));
             let (h, k) = (x[right] - x[i], y[up] - y[j]);
-            // Along the first argument at both ends of the second one: values, and their slopes along the second one.
+            // Along the first argument at both ends of the second one: values, and their slopes
+            // along the second one.
             let lines = [j, up].map(|j| piece(h, [value(i, j), value(right, j)], [along_first[j][i], along_first[j][right]]));
             let turns = [j, up].map(|j| piece(h, [along_second[i][j], along_second[right][j]], [twisted[j][i], twisted[j][right]]));
             for p in 0..4 {

@@ -96,7 +96,8 @@ pub(crate) fn block_around(files: &[File], place: Span) -> Option<Span> {
     found
 }
 
-/// The bodies of the active variants and choices of a block, those of a variant behind those that it extends.
+/// The bodies of the active variants and choices of a block, those of a variant behind those that
+/// it extends.
 pub(crate) fn selected<'a>(statements: &'a [Statement], selection: &Selection) -> impl Iterator<Item = &'a [Statement]> {
     let active = statements.iter().filter_map(|statement| match &statement.kind {
         StatementKind::Variant { name, body, .. } if selection.holds(&name.text, "true") => {

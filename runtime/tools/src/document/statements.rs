@@ -319,7 +319,7 @@ impl<'s> Writer<'s> {
     }
 }
 
-/// What a component, a level or a variant extends.
+/// Base of a component, a level or a variant.
 pub(super) fn extending(base: Option<&Ident>) -> String {
     base.map(|base| format!(" extends {}", code(&base.text))).unwrap_or_default()
 }
