@@ -258,8 +258,7 @@ LATE = {
     "smpl": {"smpl.notebooks.magic"},  # IPython
     "smpl.analysis.fitting": {"smpl.analysis.fit_pictures"},  # Matplotlib
     "smpl.analysis.records": {"smpl.datasets"},  # pyarrow
-    "smpl.commands.main": {"smpl.commands.fit"},  # the other commands need no Python
-    "smpl.learning.policy_files": {"smpl.deploy.artefact"},  # onnxruntime, fmpy, a C compiler
+    "smpl.learning.policy_files": {"smpl.deploy", "smpl.deploy.artefact"},  # onnxruntime, fmpy, a C compiler
     "smpl.learning.reports": {"smpl.learning.pictures"},  # Matplotlib
     "smpl.optimize.episodes": {"smpl.optimize.pictures"},  # Matplotlib
     "smpl.optimize.steady": {"smpl.optimize.pictures"},  # Matplotlib

@@ -9,8 +9,17 @@ docs/export.md describes the forms; the commands are `smpl export-policy` and `s
 
 from __future__ import annotations
 
+import importlib
+from typing import Any
+
 from smpl.deploy.artefact import Artefact, load_artefact
 from smpl.deploy.contract import Contract, Signal, model_hash
-from smpl.deploy.export import TARGETS, export_policy
 
 __all__ = ["TARGETS", "Artefact", "Contract", "Signal", "export_policy", "load_artefact", "model_hash"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load the export when it is first used: it needs the controllers, which read exported files."""
+    if name in ("TARGETS", "export_policy"):
+        return getattr(importlib.import_module("smpl.deploy.export"), name)
+    raise AttributeError(f"module 'smpl.deploy' has no attribute {name!r}", name=name)

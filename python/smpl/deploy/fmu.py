@@ -16,6 +16,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from smpl.deploy import c
+from smpl.deploy.artefact import compiled
 from smpl.deploy.contract import Contract, Signal
 from smpl.deploy.laws import Law
 from smpl.model import compile
@@ -37,8 +38,6 @@ def write(law: Law, contract: Contract, file: Path, name: str) -> None:
     Raises:
         ValueError: there is no C compiler, or it refuses the sources.
     """
-    from smpl.deploy.artefact import compiled
-
     texts = {**c.sources(law, contract, name), "fmi3.h": _header(), "fmi3.c": _interface(contract, name)}
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
