@@ -125,10 +125,12 @@ fn named_after(file: &str) -> String {
 fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
     structure::drop_unused_delays(&mut model, &mut equations);
+    structure::settle_repeats(&mut model, &mut equations);
     structure::cut_at_parts(&mut model, &mut equations);
     if runs {
         structure::write_out_ranges(&mut model, &mut equations);
     }
+    structure::expand_rates(&mut model, &mut equations);
     structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
     structure::combine_rates(&mut model, &mut equations);
     let rates = structure::cover_states(&model, &equations)?;
@@ -136,6 +138,7 @@ fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let written = equations.clone();
     let plan = structure::plan_algebraic(&mut model, &mut equations);
     structure::substitute_algebraic(&mut model, &mut equations, &plan);
+    structure::substitute_derivatives(&mut model, &mut equations);
     model.rows = structure::match_rows(&mut model, equations, &written, &plan, &rates)?;
     structure::refuse_singular_loops(&model)?;
     model.explicit = structure::is_explicit(&model);

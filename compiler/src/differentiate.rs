@@ -67,10 +67,16 @@ pub struct Column {
 /// Loads of the derivatives.
 pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
 
+/// A load: variable, copy, element.
+pub(crate) type Loaded = (VarId, Flavour, Affine);
+
+/// The rate of a load along some direction, or of time itself (`None`); `None` where it does not move.
+pub(crate) type RateOf<'a> = dyn Fn(&mut Exprs, Option<Loaded>) -> Option<ExprId> + 'a;
+
 /// The matrix of derivatives of normalised rows.
 pub fn entries(exprs: &mut Exprs, rows: &[Rows], column_of: &ColumnOf<'_>) -> Vec<Entry> {
     let uses = uses(exprs, rows);
-    let mut pass = Differentiator { exprs, column_of, by_time: false, known: FastMap::default(), uses, nothing: Terms::new([]) };
+    let mut pass = Differentiator { exprs, column_of, rates: None, known: FastMap::default(), uses, nothing: Terms::new([]) };
     let mut entries = vec![];
     for row in rows {
         let terms = pass.terms(row.value);
@@ -92,8 +98,14 @@ pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
     }
     let uses = uses(exprs, rows);
     let zero = exprs.constant(0.0);
-    let mut pass =
-        Differentiator { exprs, column_of: &|_, _| None, by_time: true, known: FastMap::default(), uses, nothing: Terms::new([]) };
+    let mut pass = Differentiator {
+        exprs,
+        column_of: &|_, _| None,
+        rates: Some(&time_alone),
+        known: FastMap::default(),
+        uses,
+        nothing: Terms::new([]),
+    };
     let mut slope = |row: &Rows| {
         let terms = pass.terms(row.value);
         pass.used(row.value);
@@ -103,8 +115,30 @@ pub fn by_time(exprs: &mut Exprs, rows: &[Rows]) -> Option<Vec<Rows>> {
     Some(rows.iter().map(&mut slope).collect())
 }
 
-/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that
-/// [`normalise`] keeps free for the columns of a matrix only.
+/// Time moves, and nothing else does.
+fn time_alone(exprs: &mut Exprs, load: Option<Loaded>) -> Option<ExprId> {
+    load.is_none().then(|| exprs.constant(1.0))
+}
+
+/// The derivative of an expression inside of `depth` loops along a direction: each load and time move at the rates that `rate_of` gives.
+///
+/// # Errors
+/// If reductions nest too deeply.
+pub(crate) fn total(exprs: &mut Exprs, depth: usize, value: ExprId, rate_of: &RateOf<'_>) -> Result<ExprId, DifferentiateError> {
+    let column_of = |_: VarId, flavour: Flavour| (flavour == Flavour::Value).then_some(Column { first: 0, factor: None });
+    let value = normalise(exprs, depth, value, &column_of)?;
+    let rows = [Rows { extents: Vec::new(), row: Affine::constant(0), value }];
+    if reduces_time(exprs, &rows) {
+        return Err(DifferentiateError::TooDeep);
+    }
+    let (known, nothing) = (FastMap::default(), Terms::new([]));
+    let mut pass = Differentiator { exprs, column_of: &|_, _| None, rates: Some(rate_of), known, uses: Vec::new(), nothing };
+    let terms = pass.terms(value);
+    let first = pass.expanded(&terms).first().map(|term| term.value);
+    Ok(first.unwrap_or_else(|| exprs.constant(0.0)))
+}
+
+/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
 fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
     let (mut seen, mut stack) = (FastSet::default(), vec![]);
     stack.extend(rows.iter().map(|row| (row.value, false)));
@@ -159,10 +193,7 @@ impl Differentiator<'_, '_> {
     fn derive(&mut self, expr: ExprId) -> Terms {
         match self.exprs.node(expr) {
             Expr::Load { var, flavour, at } => self.load(var, flavour, at),
-            Expr::Time if self.by_time => {
-                let leaf = Leaf { column: Affine::constant(0), bound: [0; MAX_DEPTH] };
-                Terms::new([Term { leaf, value: self.exprs.constant(1.0) }])
-            }
+            Expr::Time => self.moving(None),
             Expr::Unary(f, a) => self.unary(expr, f, a),
             Expr::Binary(f, a, b) => self.binary(expr, f, a, b),
             Expr::PowInt(a, n) => {
@@ -194,11 +225,22 @@ impl Differentiator<'_, '_> {
     }
 
     fn load(&mut self, var: VarId, flavour: Flavour, at: Affine) -> Terms {
+        if self.rates.is_some() {
+            return self.moving(Some((var, flavour, at)));
+        }
         let Some(column) = (self.column_of)(var, flavour) else {
             return self.nothing.clone();
         };
         let leaf = Leaf { column: at.plus(Affine::constant(i64::from(column.first))), bound: [0; MAX_DEPTH] };
         let value = column.factor.unwrap_or_else(|| self.exprs.constant(1.0));
         Terms::new([Term { leaf, value }])
+    }
+
+    /// The rate of a load, or of time, where derivatives are along a direction.
+    fn moving(&mut self, load: Option<Loaded>) -> Terms {
+        let rate = self.rates.and_then(|rates| rates(self.exprs, load));
+        let rate = rate.filter(|&rate| self.exprs.as_const(rate) != Some(0.0));
+        let leaf = Leaf { column: Affine::constant(0), bound: [0; MAX_DEPTH] };
+        rate.map_or_else(|| self.nothing.clone(), |value| Terms::new([Term { leaf, value }]))
     }
 }

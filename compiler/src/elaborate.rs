@@ -57,6 +57,7 @@ use ledger::Ledger;
 use lower::Lowering;
 use select::Input;
 use select::variants::Choices;
+use symbols::SymbolKind;
 
 pub use built_ins::{built_in_names, is_built_in};
 pub(crate) use check::derivative::show_derivatives;
@@ -163,6 +164,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     let (equations, control) = passed.unwrap_or_default();
     work.hidden.close(&mut symbols.vars);
     let mut model = model_of(control, about, shown);
+    model.interface.reduction.preferred = preferred(&symbols);
     model.interface.time = Time { name: symbols.time_name, unit: symbols.time_unit.to_string() };
     model.interface.draws = work.hidden.draws.list;
     model.quadratures = work.hidden.quadratures.list;
@@ -172,6 +174,13 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     model.exprs = work.exprs;
     model.vars = symbols.vars;
     (Ok(Elaborated { model, equations, runs, warnings }), spent)
+}
+
+/// Paths of the states that are declared with `prefer`.
+fn preferred(symbols: &symbols::Symbols<'_>) -> Vec<String> {
+    let is_preferred =
+        |symbol: &&symbols::Symbol<'_>| matches!(&symbol.kind, SymbolKind::Variable { declaration, .. } if declaration.prefer.is_some());
+    symbols.list.values().filter(is_preferred).map(|symbol| symbol.path.clone()).collect()
 }
 
 /// Steps after the declarations, in this order.

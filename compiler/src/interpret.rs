@@ -320,8 +320,17 @@ impl Run for Machine<'_, '_> {
 /// exponents.
 #[must_use]
 pub(crate) fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
-    let mut known = FastMap::default();
-    evaluate(exprs, expr, &mut [0; MAX_DEPTH], value_of, &mut known)
+    eval_at(exprs, expr, &mut [0; MAX_DEPTH], value_of)
+}
+
+/// The value of an expression at given counters; `None` where a value is not known.
+pub(crate) fn eval_at(
+    exprs: &Exprs,
+    expr: ExprId,
+    counters: &mut [i64; MAX_DEPTH],
+    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
+) -> Option<f64> {
+    evaluate(exprs, expr, counters, value_of, &mut FastMap::default())
 }
 
 /// Evaluates at given counters; `known` holds the values at these counters. Only reductions

@@ -219,7 +219,7 @@ pub enum Role {
     Random,
 }
 
-/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative "text"`
+/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative prefer "text"`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Declaration {
     /// Name as written.
@@ -242,6 +242,8 @@ pub struct Declaration {
     pub scale: Option<Expr>,
     /// `nonnegative`: a state that never falls below zero.
     pub nonnegative: Option<Span>,
+    /// `prefer`: a state that index reduction keeps rather than others.
+    pub prefer: Option<Span>,
     /// Describing text.
     pub text: Option<String>,
     /// The whole declaration.

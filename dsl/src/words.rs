@@ -82,6 +82,7 @@ pub(crate) const CLAUSES: &[&str] = &[
     "clip",
     "named",
     "nonnegative",
+    "prefer",
     "default",
     "when",
     "rate",

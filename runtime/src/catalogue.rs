@@ -204,6 +204,8 @@ pub struct Catalogue {
     pub states: Family,
     /// Solved algebraic variables, places in `y`.
     pub solved: Family,
+    /// Those of them that were declared as states and follow from constraints.
+    pub following: Family,
     /// Algebraic outputs, places in the output vector.
     pub algebraics: Family,
     /// Discrete variables, places in their region; so the following.
@@ -221,15 +223,27 @@ impl Catalogue {
     #[must_use]
     pub fn new(model: &CompiledModel) -> Self {
         let interface = model.interface();
+        let solved = family(&interface.quantities.solved, |_, _, running| model.states() + running);
+        let follow = interface.reduction.demoted.iter().flat_map(|demoted| &demoted.elements);
+        let following = follow.filter_map(|name| solved.find(name).cloned()).collect();
         Self {
             states: states(interface),
-            solved: family(&interface.quantities.solved, |_, _, running| model.states() + running),
+            following: Family::new(following),
+            solved,
             algebraics: family(&interface.quantities.algebraics, |_, _, running| running),
             discretes: region(model, &interface.quantities.discretes),
             actions: region(model, &interface.quantities.actions),
             disturbances: disturbances(model),
             parameters: parameters(model),
         }
+    }
+}
+
+impl Catalogue {
+    /// A declared state by its name, also one that follows from a constraint.
+    #[must_use]
+    pub fn state(&self, name: &str) -> Option<&Element> {
+        self.states.find(name).or_else(|| self.following.find(name))
     }
 }
 

@@ -9,6 +9,7 @@
 //! nothing else over from one step to the next.
 
 mod finish;
+mod following;
 mod glance;
 mod interval;
 mod invariants;

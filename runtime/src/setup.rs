@@ -482,7 +482,7 @@ fn check_names(catalogue: &Catalogue, options: &EnvironmentOptions) -> Result<()
         catalogue.disturbances.get(name, "disturbance")?;
     }
     for name in options.initial.keys() {
-        if catalogue.discretes.find(name).is_none() {
+        if catalogue.discretes.find(name).is_none() && catalogue.state(name).is_none() {
             catalogue.states.get(name, "state or discrete variable")?;
         }
     }

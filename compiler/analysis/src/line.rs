@@ -303,7 +303,7 @@ impl<'t> Line<'t> {
 /// Clauses that may follow an operand of a statement.
 fn clauses(keyword: &str) -> &'static [&'static str] {
     match keyword {
-        "state" => &["in", "scale", "nonnegative"],
+        "state" => &["in", "scale", "nonnegative", "prefer"],
         "param" | "action" | "discrete" | "disturbance" | "var" | "let" | "random" => &["in", "scale", "clip bounds"],
         "eq" | "next" | "reset" | "connect" => &["for"],
         "initial" => &["clip bounds", "for"],

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 use std::rc::Rc;
 
-use super::ColumnOf;
+use super::{ColumnOf, RateOf};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, UnaryFn};
 
 /// A column pattern: elements along loop counters, of which those of sums are `bound` to extents.
@@ -45,8 +45,8 @@ impl Terms {
 pub(super) struct Differentiator<'a, 'c> {
     pub(super) exprs: &'a mut Exprs,
     pub(super) column_of: &'a ColumnOf<'c>,
-    /// For time itself too, in column 0.
-    pub(super) by_time: bool,
+    /// By time instead of columns: the rates of loads, in column 0.
+    pub(super) rates: Option<&'a RateOf<'c>>,
     /// Derivatives that are still needed.
     pub(super) known: FastMap<ExprId, Terms>,
     /// By how many nodes and rows those of each node are still needed.
@@ -57,7 +57,7 @@ pub(super) struct Differentiator<'a, 'c> {
 impl Differentiator<'_, '_> {
     /// Forgets the derivatives of a node with its last use.
     pub(super) fn used(&mut self, expr: ExprId) {
-        let left = &mut self.uses[expr.as_u32() as usize];
+        let Some(left) = self.uses.get_mut(expr.as_u32() as usize) else { return };
         *left = left.saturating_sub(1);
         if *left == 0 {
             self.known.remove(&expr);

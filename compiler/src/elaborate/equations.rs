@@ -145,7 +145,9 @@ pub(in crate::elaborate) fn sides(
 fn form(l: &mut Lowering<'_, '_>, left: ExprId, right: ExprId) -> EquationForm {
     for (own, value) in [(left, right), (right, left)] {
         match l.exprs.node(own) {
-            Node::Load { var, flavour: Flavour::Derivative, at } => return EquationForm::Rate { var, at, value },
+            Node::Load { var, flavour: Flavour::Derivative, at } if l.symbols.vars[var].role == Role::State => {
+                return EquationForm::Rate { var, at, value };
+            }
             // What determines a rate is no definition: `M * d/dt x = v`.
             Node::Load { var, flavour: Flavour::Value, at }
                 if l.symbols.vars[var].role == Role::Algebraic && !l.exprs.has_derivative(value) =>
@@ -163,7 +165,7 @@ fn form(l: &mut Lowering<'_, '_>, left: ExprId, right: ExprId) -> EquationForm {
 fn may_loop(l: &Lowering<'_, '_>, form: EquationForm) -> bool {
     match form {
         EquationForm::Rate { value, .. } | EquationForm::Definition { value, .. } => !l.exprs.has_derivative(value),
-        EquationForm::Implicit { residual } => l.exprs.derivatives(residual, |_| true).len() == 1,
+        EquationForm::Implicit { residual } => l.exprs.derivatives(residual, |_| true).len() <= 1,
     }
 }
 

@@ -1,6 +1,7 @@
 //! Public data of a model: names, units, shapes, bounds, settings.
 
 use cranelift_entity::{EntityRef, PrimaryMap};
+use smpl_dsl::span::Span;
 
 use super::cursor::{At, MAX_ELEMENTS, ReadError};
 use super::nodes::variable;
@@ -8,8 +9,8 @@ use super::nodes::variable;
 use super::write::families;
 use crate::ir::{Role, VarId};
 use crate::model::{
-    AlgebraicCounts, Axis, BoxItem, Choice, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed, Port, PortMember,
-    Quantities, Quantity, Reward, Solver, StartCondition, Steady, Time, Variable, Variant,
+    AlgebraicCounts, Axis, BoxItem, Choice, Demoted, Differentiated, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed,
+    Port, PortMember, Projected, Quantities, Quantity, Reduction, Reward, Solver, StartCondition, Steady, Time, Variable, Variant,
 };
 
 type Vars = PrimaryMap<VarId, Variable>;
@@ -49,7 +50,25 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
         Ok(Variant { name: at.field("name")?.string()?, on: at.field("on")?.flag()? })
     })?;
     i.alternatives.choices = root.field("choices")?.list(choice)?;
+    if let Some(at) = root.maybe("reduction")? {
+        i.reduction = reduction(&at, i.invariants.len().saturating_sub(1) as u32)?;
+    }
     Ok(i)
+}
+
+fn reduction(at: &At<'_>, invariants: u32) -> Result<Reduction, ReadError> {
+    at.only(&["differentiated", "follow", "projected"])?;
+    let once = |at: &At<'_>| Ok(Differentiated { span: Span::default(), times: at.count(u32::MAX)? });
+    let demoted = at.field("follow")?.list(|at| {
+        at.only(&["name", "elements", "whole"])?;
+        Ok(Demoted { name: at.field("name")?.string()?, elements: texts(&at.field("elements")?)?, whole: at.field("whole")?.flag()? })
+    })?;
+    let projected = at.field("projected")?.list(|at| {
+        at.only(&["order", "states", "invariant"])?;
+        let (order, invariant) = (at.field("order")?.count(u32::MAX)?, at.field("invariant")?.count(invariants)?);
+        Ok(Projected { span: Span::default(), order, states: texts(&at.field("states")?)?, invariant })
+    })?;
+    Ok(Reduction { differentiated: at.field("differentiated")?.list(once)?, demoted, projected, preferred: Vec::new() })
 }
 
 /// Number of elements; every length was checked.

@@ -9,7 +9,8 @@ use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, List, MAX_DEPTH, Place, Program, Role, VarId};
 use crate::model::{
-    AlgebraicCounts, Axis, Delay, Finish, Grid, Interface, Lag, Model, Port, PortMember, Quantities, Quantity, RootAction, Steady,
+    AlgebraicCounts, Axis, Delay, Demoted, Finish, Grid, Interface, Lag, Model, Port, PortMember, Projected, Quantities, Quantity,
+    Reduction, RootAction, Steady,
 };
 
 /// The text of a model.
@@ -69,7 +70,22 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     if !model.delays.is_empty() {
         value["delays"] = model.delays.iter().map(delay).collect();
     }
+    if i.reduction.has_reduced() {
+        value["reduction"] = reduction(&i.reduction);
+    }
     Ok(serde_json::to_string_pretty(&value)? + "\n")
+}
+
+/// The record of index reduction: orders of derivatives, states that follow, projections.
+fn reduction(r: &Reduction) -> Value {
+    let times: Vec<u32> = r.differentiated.iter().map(|d| d.times).collect();
+    let follow = |d: &Demoted| json!({"name": d.name, "elements": d.elements, "whole": d.whole});
+    let projected = |p: &Projected| json!({"order": p.order, "states": p.states, "invariant": p.invariant});
+    json!({
+        "differentiated": times,
+        "follow": r.demoted.iter().map(follow).collect::<Vec<_>>(),
+        "projected": r.projected.iter().map(projected).collect::<Vec<_>>(),
+    })
 }
 
 fn delay(delay: &Delay) -> Value {

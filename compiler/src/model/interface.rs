@@ -46,6 +46,62 @@ pub struct Interface {
     /// Tests, where the model was compiled with them.
     #[serde(skip)]
     pub tests: Vec<Test>,
+    /// Record of index reduction.
+    pub reduction: Reduction,
+}
+
+/// Record of index reduction, for a system whose equations bind states.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reduction {
+    /// Equations of which time derivatives were added.
+    pub differentiated: Vec<Differentiated>,
+    /// States that became algebraic variables.
+    pub demoted: Vec<Demoted>,
+    /// Constraints that states are projected to at the end of each step.
+    pub projected: Vec<Projected>,
+    /// Names of states that should stay states.
+    pub preferred: Vec<String>,
+}
+
+impl Reduction {
+    /// Returns `true` if the index was reduced.
+    #[must_use]
+    pub fn has_reduced(&self) -> bool {
+        !(self.differentiated.is_empty() && self.demoted.is_empty() && self.projected.is_empty())
+    }
+}
+
+/// An equation of which time derivatives were added.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Differentiated {
+    /// The equation.
+    pub span: Span,
+    /// Order of its highest derivative.
+    pub times: u32,
+}
+
+/// A constraint that states are projected to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Projected {
+    /// The equation.
+    pub span: Span,
+    /// It is the time derivative of this order of the equation.
+    pub order: u32,
+    /// Names of the states.
+    pub states: Vec<String>,
+    /// Number of the invariant that is the distance from it.
+    pub invariant: u32,
+}
+
+/// A declared state of which elements follow from equations.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Demoted {
+    /// Its name.
+    pub name: String,
+    /// Names of these elements.
+    pub elements: Vec<String>,
+    /// All elements of the state follow.
+    pub whole: bool,
 }
 
 /// The quantities of a model by their kind, each kind in declaration order.

@@ -89,6 +89,17 @@ impl Quantity {
     /// Flattened name of an element, `R1.c[tropine,3]`.
     #[must_use]
     pub fn element_name(&self, element: usize) -> String {
+        let label = self.label(element);
+        match &self.pattern {
+            Some(pattern) => pattern.replace("{}", &label),
+            None if self.axes.is_empty() => self.name.clone(),
+            None => format!("{}[{label}]", self.name),
+        }
+    }
+
+    /// The indices of an element as its name shows them, `tropine,3`; empty for a scalar.
+    #[must_use]
+    pub fn label(&self, element: usize) -> String {
         let mut labels = Vec::with_capacity(self.axes.len());
         let mut rest = element;
         for axis in self.axes.iter().rev() {
@@ -96,12 +107,7 @@ impl Quantity {
             rest /= axis.len().max(1);
         }
         labels.reverse();
-        let joined = labels.join(",");
-        match &self.pattern {
-            Some(pattern) => pattern.replace("{}", &joined),
-            None if labels.is_empty() => self.name.clone(),
-            None => format!("{}[{joined}]", self.name),
-        }
+        labels.join(",")
     }
 
     /// Returns `true` if a number is within bounds, but for rounding.

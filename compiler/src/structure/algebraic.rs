@@ -4,6 +4,7 @@ use smpl_dsl::span::Span;
 
 use super::common::{passes, replace_everywhere};
 use super::reads::looped_reads;
+use super::totals::derived;
 use super::whole::{Whole, placed, take_apart, wholes};
 use crate::elaborate::{Equation, EquationForm};
 use crate::graph::{Order, after_needs};
@@ -118,7 +119,7 @@ impl Definitions<'_> {
         let equation = part_of(self.arrays, element).or_else(|| self.candidates.get(&element).copied());
         let Some(EquationForm::Definition { value, .. }) = equation.map(|i| self.equations[i].form) else { return Vec::new() };
         self.exprs
-            .loads(value, |v, f| f == Flavour::Value && self.vars[v].role == Role::Algebraic)
+            .loads(value, |v, f| matches!(f, Flavour::Value | Flavour::Derivative) && self.vars[v].role == Role::Algebraic)
             .into_iter()
             .filter_map(|(v, _, at)| {
                 if let Some(whole) = self.arrays.get(&v) {
@@ -344,7 +345,11 @@ impl<'p> Expander<'p> {
                 }
             },
         };
-        Some(if flavour == Flavour::Value { value } else { self.in_flavour(exprs, role, value, flavour) })
+        match flavour {
+            Flavour::Value => Some(value),
+            Flavour::Derivative => derived(exprs, usize::from(at.depth()), value, &|var| Some(role(var))),
+            _ => Some(self.in_flavour(exprs, role, value, flavour)),
+        }
     }
 
     fn in_flavour(&mut self, exprs: &mut Exprs, role: &dyn Fn(VarId) -> Role, e: ExprId, flavour: Flavour) -> ExprId {

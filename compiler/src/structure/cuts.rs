@@ -81,7 +81,7 @@ fn split(exprs: &mut Exprs, equation: &Equation, depth: usize, cuts: &[i64], out
 }
 
 /// Expression of a loop `by` iterations later.
-fn advanced(exprs: &mut Exprs, value: ExprId, depth: LoopVar, by: i64) -> ExprId {
+pub(super) fn advanced(exprs: &mut Exprs, value: ExprId, depth: LoopVar, by: i64) -> ExprId {
     let d = usize::from(depth.0);
     exprs.rewrite(value, &mut Rewritten::default(), &mut |exprs, node| match node {
         // A sum may bind the same counter again: inside, it is another one.

@@ -21,9 +21,6 @@ const EXPLAINED: usize = 50;
 
 const NO_UNKNOWN: &str = "this equation has no unknown that is not determined already";
 
-/// Most differentiations that are looked for.
-const MOST_DIFFERENTIATIONS: usize = 6;
-
 /// An equation without an unknown.
 pub(super) struct LeftOver {
     /// The statement.
@@ -58,10 +55,9 @@ pub(super) fn faults(model: &Model, found: &Findings<'_>) -> Faults {
     for left in found.left.iter().filter(|left| left.reach.is_empty() || left.written_for.is_some()) {
         by_statement.entry(left.span).or_default().push(left);
     }
-    let mut explained = FastSet::default();
     for (at, alike) in by_statement.into_values().enumerate() {
         if at < EXPLAINED {
-            let fault = without_unknown(model, found, &alike, &mut explained);
+            let fault = without_unknown(model, found, &alike);
             faults.push(fault);
         } else {
             faults.push_with(|| Diagnostic::error(codes::OVERDETERMINED, NO_UNKNOWN, alike[0].span));
@@ -70,13 +66,12 @@ pub(super) fn faults(model: &Model, found: &Findings<'_>) -> Faults {
     for group in competing(&found.left) {
         faults.push(too_many(model, found, &group));
     }
-    faults.append(undetermined(model, found, &explained));
+    faults.append(undetermined(model, found));
     faults
 }
 
-/// An equation whose unknowns, if it has any, are determined by others; the elements of one
-/// statement.
-fn without_unknown(model: &Model, found: &Findings<'_>, alike: &[&LeftOver], explained: &mut FastSet<VarId>) -> Diagnostic {
+/// An equation whose unknowns, if it has any, are determined by others; the elements of one statement.
+fn without_unknown(model: &Model, found: &Findings<'_>, alike: &[&LeftOver]) -> Diagnostic {
     let LeftOver { span, residual, written_for, .. } = alike[0];
     let more = if alike.len() > 1 { format!(" (and {} more of its elements)", alike.len() - 1) } else { String::new() };
     if let Some(((var, element), first)) = written_for {
@@ -108,31 +103,9 @@ fn without_unknown(model: &Model, found: &Findings<'_>, alike: &[&LeftOver], exp
             .help("remove one of them, or declare a parameter or variable in them as a `var`");
     }
     let message = format!("this equation binds states only ({}){more}: the system has an index above 1", listed(model, &states));
-    let mut fault = Diagnostic::error(codes::HIGH_INDEX, message, *span).label("constrains states, determines nothing");
-    // A state without a rate is what the constraint determines.
-    let free: FastSet<VarId> = states.iter().map(|e| e.0).filter(|var| found.missing.iter().any(|e| e.0 == *var)).collect();
-    if let Some(var) = free.iter().next().copied() {
-        explained.extend(&free);
-        let name = &model.vars[var].name;
-        let help = format!("make `{name}` a `var`, which this equation determines: no equation gives `d/dt {name}`");
-        return fault.help(help);
-    }
-    let (times, lacking) = differentiations(model, found, &states);
-    let order = ["once", "twice"].get(times.saturating_sub(1)).map_or_else(|| format!("{times} times"), |word| (*word).to_owned());
-    fault = fault.help(match times {
-        0 => "remove it: no time derivative of it contains an unknown without an equation".to_owned(),
-        1 => "write its time derivative, which contains rates, in its place and choose initial values that satisfy it".to_owned(),
-        _ => format!(
-            "differentiate it {order} by time, put the equations of the rates in, write the result in its place, and choose initial values that satisfy it and its derivatives of lower order"
-        ),
-    });
-    let elements: Vec<Element> = found.missing.iter().filter(|e| lacking.contains(&e.0)).copied().collect();
-    if !elements.is_empty() && lacking.iter().any(|var| explained.insert(*var)) {
-        let is = if elements.len() == 1 { "is" } else { "are" };
-        let names = listed(model, &elements);
-        fault = fault.note(format!("{names} {is} left without an equation: differentiated {order}, this one determines what is missing"));
-    }
-    fault
+    Diagnostic::error(codes::HIGH_INDEX, message, *span)
+        .label("constrains states, determines nothing")
+        .help("remove it, or an equation of a rate: no time derivative of it contains an unknown without an equation")
 }
 
 fn states_of(model: &Model, residual: ExprId) -> Vec<Element> {
@@ -154,42 +127,6 @@ fn definitions(model: &Model, found: &Findings<'_>, span: Span) -> Vec<(String, 
     let mut seen: FastSet<Span> = FastSet::default();
     let all = found.equations.iter().filter_map(defines).filter(|(_, span)| seen.insert(*span));
     all.take(SHOWN).map(|(var, span)| (model.vars[var].name.clone(), span)).collect()
-}
-
-/// Number of differentiations of a constraint until unknowns without an equation occur in it, and
-/// these unknowns; 0 if none occurs.
-fn differentiations(model: &Model, found: &Findings<'_>, states: &[Element]) -> (usize, FastSet<VarId>) {
-    let missing: FastSet<VarId> = found.missing.iter().map(|e| e.0).collect();
-    let mut reads: FastMap<VarId, FastSet<VarId>> = FastMap::default();
-    for equation in found.equations {
-        let (own, value) = match equation.form {
-            EquationForm::Rate { var, value, .. } | EquationForm::Definition { var, value, .. } => (vec![var], value),
-            EquationForm::Implicit { residual } => {
-                let loads = model.exprs.loads(residual, |_, f| f == Flavour::Derivative);
-                (loads.into_iter().map(|(var, ..)| var).collect(), residual)
-            }
-        };
-        let read = model.exprs.loads(value, |v, f| f == Flavour::Value && matches!(model.vars[v].role, Role::State | Role::Algebraic));
-        for var in own {
-            reads.entry(var).or_default().extend(read.iter().map(|(var, ..)| *var));
-        }
-    }
-    let mut front: FastSet<VarId> = states.iter().map(|e| e.0).collect();
-    for times in 1..=MOST_DIFFERENTIATIONS {
-        let mut seen: FastSet<VarId> = FastSet::default();
-        let mut stack: Vec<VarId> = front.iter().flat_map(|state| reads.get(state).into_iter().flatten().copied()).collect();
-        while let Some(var) = stack.pop() {
-            if seen.insert(var) && model.vars[var].role == Role::Algebraic && !missing.contains(&var) {
-                stack.extend(reads.get(&var).into_iter().flatten());
-            }
-        }
-        let lacking: FastSet<VarId> = seen.iter().filter(|var| missing.contains(*var)).copied().collect();
-        if !lacking.is_empty() {
-            return (times, lacking);
-        }
-        front = seen.into_iter().filter(|&var| model.vars[var].role == Role::State).collect();
-    }
-    (0, FastSet::default())
 }
 
 /// Equations that compete for the same unknowns.
@@ -244,16 +181,12 @@ fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
     Some(d.secondary(v.span, "declared here").help(help))
 }
 
-/// One report for each variable, however many of its elements are undetermined, and one for all
-/// ports that lack a connection.
-fn undetermined(model: &Model, found: &Findings<'_>, explained: &FastSet<VarId>) -> Faults {
+/// One report for each variable, however many of its elements are undetermined, and one for all ports that lack a connection.
+fn undetermined(model: &Model, found: &Findings<'_>) -> Faults {
     let mut out = Faults::default();
     let mut ports: Vec<(String, Vec<String>, Span)> = Vec::new();
     for elements in found.missing.chunk_by(|a, b| a.0 == b.0) {
         let var = elements[0].0;
-        if explained.contains(&var) {
-            continue;
-        }
         match port_of(model, var) {
             Some((port, member)) => match ports.iter_mut().find(|(name, ..)| *name == port) {
                 Some((_, members, _)) => members.push(member),

@@ -10,8 +10,9 @@ use super::algebraic::{Element, Plan};
 use super::common::{passes, replace_everywhere};
 use super::faults::{self, Findings, LeftOver};
 use super::rates::Rates;
+use super::reduce::{self, Reduced};
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, Rewritten, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Rewritten, Role, VarId};
 use crate::model::{AlgebraicCounts, Model, Quantity, Row, Variable};
 
 /// Most unknowns without an equation for which others that may lack it instead are looked for.
@@ -20,8 +21,8 @@ const MOST_SOUGHT: usize = 20;
 /// Largest number of iterations of an implicit equation that is unrolled for matching.
 const WRITTEN_OUT: i64 = 20_000;
 
-/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are
-/// the equations before substitutions, for messages.
+/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are the equations before substitutions, for messages.
+/// The index is reduced if equations bind states.
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
@@ -32,6 +33,30 @@ pub(crate) fn rows(
     plan: &Plan,
     rates: &Rates,
 ) -> Result<Vec<Row>, Faults> {
+    let unknown = |var: VarId| !plan.arrays.contains_key(&var);
+    let needed = reduce::is_needed(model, &equations, &unknown);
+    let direct = (!needed).then(|| matched_rows(model, equations.clone(), written, plan, rates));
+    if let Some(Ok(rows)) = direct {
+        return Ok(complete(model, rows, &[]));
+    }
+    let refused = match reduce::reduce(model, &equations, plan) {
+        Ok(Reduced { model: reduced, rows, helpers }) => {
+            *model = reduced;
+            return Ok(complete(model, rows, &helpers));
+        }
+        Err(refused) => refused,
+    };
+    if let Some(fault) = refused.or_else(|| reduce::left_rates(model, &equations)) {
+        let mut faults = Faults::default();
+        faults.push(fault);
+        return Err(faults);
+    }
+    let direct = direct.unwrap_or_else(|| matched_rows(model, equations, written, plan, rates));
+    direct.map(|rows| complete(model, rows, &[]))
+}
+
+/// Rows for all unknowns by matching each equation.
+fn matched_rows(model: &mut Model, equations: Vec<Equation>, written: &[Equation], plan: &Plan, rates: &Rates) -> Result<Vec<Row>, Faults> {
     let mut rows = Vec::new();
     let mut definitions = Vec::new();
     let mut implicit = Vec::new();
@@ -81,7 +106,7 @@ pub(crate) fn rows(
     }
     problem.solve(model, &unknown, &mut matched)?;
     rows.extend(matched);
-    Ok(complete(model, rows))
+    Ok(rows)
 }
 
 /// Elements that need an equation: algebraic ones that are not substituted, states without an
@@ -304,9 +329,9 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
         .collect()
 }
 
-/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables
-/// of their own.
-fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
+/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
+/// `helpers` are quantities of unknowns that are no outputs.
+fn complete(model: &mut Model, mut rows: Vec<Row>, helpers: &[Quantity]) -> Vec<Row> {
     // How much of each algebraic variable is solved for, and where.
     let mut parts: BTreeMap<VarId, (i64, Vec<i64>)> = BTreeMap::new();
     for row in rows.iter().filter(|row| model.vars[row.var].role == Role::Algebraic) {
@@ -314,14 +339,16 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
         *count += passes(&row.extents);
         offsets.push(row.at.offset);
     }
-    let quantities: FastMap<VarId, usize> =
-        model.interface.quantities.algebraics.iter().enumerate().filter_map(|(i, q)| Some((q.var?, i))).collect();
+    let known = model.interface.quantities.algebraics.iter().chain(helpers);
+    let quantities: FastMap<VarId, Quantity> = known.filter_map(|q| Some((q.var?, q.clone()))).collect();
     let mut renamed: FastMap<Element, VarId> = FastMap::default();
     let declared: u32 = model.interface.quantities.algebraics.iter().map(|q| q.len() as u32).sum();
-    let mut solved = 0;
+    let declared_vars: FastSet<VarId> = model.interface.quantities.algebraics.iter().filter_map(|q| q.var).collect();
+    let (mut solved, mut solved_declared) = (0, 0);
     for (var, (count, mut offsets)) in parts {
         solved += count as u32;
-        let Some(quantity) = quantities.get(&var).map(|&i| model.interface.quantities.algebraics[i].clone()) else { continue };
+        let Some(quantity) = quantities.get(&var).cloned() else { continue };
+        solved_declared += if declared_vars.contains(&var) { count as u32 } else { 0 };
         if count == i64::from(model.vars[var].len) {
             model.unknowns.push(var);
             model.interface.quantities.solved.push(quantity);
@@ -330,7 +357,10 @@ fn complete(model: &mut Model, mut rows: Vec<Row>) -> Vec<Row> {
         offsets.sort_unstable();
         renamed.extend(offsets.into_iter().map(|i| ((var, i), element_as_unknown(model, var, i, &quantity))));
     }
-    model.interface.quantities.algebraic_counts = AlgebraicCounts { declared, solved, substituted: declared - solved };
+    let parts = model.interface.reduction.demoted.iter().filter(|demoted| !demoted.whole);
+    solved_declared += parts.map(|demoted| demoted.elements.len() as u32).sum::<u32>();
+    model.interface.quantities.algebraic_counts =
+        AlgebraicCounts { declared, solved, substituted: declared.saturating_sub(solved_declared) };
     if !renamed.is_empty() {
         rename_elements(model, &mut rows, &renamed);
     }

@@ -199,10 +199,9 @@ impl Resolver {
     }
 }
 
-/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop
-/// for a single element inside it. A loop that is shifted against the piece is refused: its ends
-/// would belong to other equations.
-fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
+/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop for a single element inside it. A loop
+/// that is shifted against the piece is refused: its ends would belong to other equations.
+pub(super) fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
     if own == at {
         return Some(Vec::new());
     }
@@ -226,7 +225,7 @@ fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
     (rest == 0).then_some(fixed)
 }
 
-fn shifted(exprs: &mut Exprs, e: ExprId, passes: &[i64]) -> ExprId {
+pub(super) fn shifted(exprs: &mut Exprs, e: ExprId, passes: &[i64]) -> ExprId {
     let mut e = e;
     for (d, &pass) in passes.iter().enumerate().take(MAX_DEPTH) {
         e = exprs.shift(e, LoopVar(d as u8), pass);

@@ -83,6 +83,12 @@ fn is_singular(exprs: &Exprs, part: &[usize], rows: &[&Row], unknowns: &[Unknown
         return false;
     }
     let residuals: Vec<ExprId> = part.iter().map(|&i| rows[i].residual).collect();
+    // What a sum over elements of unknowns depends on is not worked out.
+    let own = |var: VarId| part.iter().any(|&i| unknowns[i].0 == var);
+    let in_sums = |&e: &ExprId| exprs.loads(e, |var, _| own(var)).iter().any(|(_, _, at)| !at.is_constant());
+    if residuals.iter().any(in_sums) {
+        return false;
+    }
     let nodes = exprs.below_in_order(residuals.iter().copied());
     let columns: FastMap<Unknown, usize> = part.iter().map(|&i| unknowns[i]).zip(0..).collect();
     nodes.len() * part.len() <= LARGE_WORK

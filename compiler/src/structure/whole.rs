@@ -34,7 +34,7 @@ pub(crate) fn wholes(model: &Model, equations: &[Equation]) -> FastMap<VarId, Wh
 }
 
 impl Whole {
-    fn of(len: i64, pieces: &[usize], equations: &[Equation]) -> Option<Whole> {
+    pub(super) fn of(len: i64, pieces: &[usize], equations: &[Equation]) -> Option<Whole> {
         let extents = &equations[*pieces.first()?].extents;
         let size = passes(extents);
         if extents.is_empty() || size * pieces.len() as i64 != len {
@@ -279,7 +279,7 @@ fn moved(exprs: &mut Exprs, value: ExprId, map: &[Affine; MAX_DEPTH], next: usiz
 }
 
 /// An address as a number.
-fn number(exprs: &mut Exprs, at: Affine) -> ExprId {
+pub(super) fn number(exprs: &mut Exprs, at: Affine) -> ExprId {
     let mut e = exprs.constant(at.offset as f64);
     for (d, &stride) in at.strides.iter().enumerate() {
         if stride != 0 {

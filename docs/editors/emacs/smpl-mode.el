@@ -12,7 +12,7 @@
   "Keywords that begin a statement.")
 
 (defconst smpl-clauses
-  '("if" "then" "else" "and" "or" "not" "for" "in" "as" "every" "delay" "noise" "scale" "clip" "named" "nonnegative" "default" "when" "rate" "until" "over" "cells" "from" "linear" "scheme" "geometry" "stretch" "faces" "areas" "volumes" "columns" "event" "at")
+  '("if" "then" "else" "and" "or" "not" "for" "in" "as" "every" "delay" "noise" "scale" "clip" "named" "nonnegative" "prefer" "default" "when" "rate" "until" "over" "cells" "from" "linear" "scheme" "geometry" "stretch" "faces" "areas" "volumes" "columns" "event" "at")
   "Keywords inside of a statement.")
 
 (defconst smpl-functions

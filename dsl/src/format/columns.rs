@@ -184,7 +184,7 @@ pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: u
     Line { key, cells, lines: Vec::new(), comment: None }
 }
 
-/// Columns of one declaration: name, unit, value, sample, bounds, scale, nonnegative, text.
+/// Columns of one declaration: name, unit, value, sample, bounds, scale, nonnegative and prefer, text.
 const SLOTS: usize = 8;
 const TEXT: usize = 7;
 
@@ -269,7 +269,7 @@ fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
             "~" => Some(3),
             "in" => Some(4),
             "scale" => Some(5),
-            "nonnegative" => Some(6),
+            "nonnegative" | "prefer" => Some(6),
             _ => None,
         },
         "eq" | "initial" | "next" | "reset" | "reward" | "invariant" | "choice" if matches!(text, "=" | "~") => Some(2),

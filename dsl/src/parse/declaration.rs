@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Binder, Clip, Declaration, Expr, Ident};
 
 /// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s nonnegative
-/// "text"`
+/// prefer "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);
@@ -26,6 +26,7 @@ pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallib
         bounds: bounds(context, &mut children)?,
         scale: clause(context, &mut children, Rule::scale)?,
         nonnegative: children.take(Rule::kw_nonnegative).map(|word| context.span(&word)),
+        prefer: children.take(Rule::kw_prefer).map(|word| context.span(&word)),
         text: children.text(),
         span,
     })

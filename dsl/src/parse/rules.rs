@@ -59,6 +59,7 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::kw_delay | Rule::delay => "`delay`",
         Rule::kw_noise | Rule::noise => "`noise`",
         Rule::kw_nonnegative => "`nonnegative`",
+        Rule::kw_prefer => "`prefer`",
         Rule::kw_named | Rule::named => "`named`",
         Rule::kw_outside | Rule::table_outside => "`outside`",
         Rule::table_points => "`{`",

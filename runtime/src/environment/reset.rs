@@ -229,8 +229,14 @@ impl Environment {
         self.initial_states(options)?;
         self.initial_discretes(options)?;
         self.settle_discretes(options)?;
+        let given = self.given_following();
         self.meet_conditions(options)?;
         self.make_consistent()?;
+        // Conditions at the start move states: the others follow.
+        if options.start != Start::Steady && self.setup.freed.pairs.is_empty() {
+            self.refuse_unfit(options, &given)?;
+            self.refuse_off_constraints(options)?;
+        }
         for passes_left in (0..self.setup.programs.start_passes).rev() {
             let first = self.setup.model().states();
             let solved = self.progress.y[first..].to_vec();
@@ -255,6 +261,7 @@ impl Environment {
             if state.is_none() && discrete.is_none() {
                 // What differs by rounding stays what the algebraic equations were solved for.
                 self.progress.y[..first].copy_from_slice(&states);
+                self.progress.y[first..].copy_from_slice(&solved);
                 self.system.region_mut(Region::Discrete).copy_from_slice(&discretes);
                 return Ok(());
             }
@@ -300,7 +307,7 @@ impl Environment {
             model.initial_states(memory, &mut self.progress.y);
         }
         for (name, &value) in &setup.options.initial {
-            if let Some(state) = states.find(name) {
+            if let Some(state) = setup.catalogue.state(name) {
                 self.progress.y[state.at] = value;
             }
         }
@@ -310,8 +317,10 @@ impl Environment {
                 finite(named, "state")?;
                 for (name, &value) in named {
                     // A guess of an algebraic variable was taken before.
-                    if setup.catalogue.solved.find(name).is_none() {
-                        self.progress.y[states.get(name, "state")?.at] = value;
+                    match setup.catalogue.state(name) {
+                        Some(state) => self.progress.y[state.at] = value,
+                        None if setup.catalogue.solved.find(name).is_some() => {}
+                        None => drop(states.get(name, "state")?),
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Program, Role, VarId};
+use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Place, Program, Role, VarId};
 use smpl_compiler::model::Model;
 
 /// Returns `true` if `finish` or the algebraic outputs read a time derivative.
@@ -87,9 +87,12 @@ pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl F
 pub(super) fn start_passes(model: &CompiledModel) -> usize {
     let model = model.model();
     let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
+    // States that follow from constraints have initial values of their own.
+    let stores = model.programs.initial_states.nests.iter().flat_map(|nest| &nest.stores);
+    let set: HashSet<VarId> = stores.filter_map(|store| if let Place::Var(var) = store.target.place { Some(var) } else { None }).collect();
     passes(model, &programs, |expr| match expr {
         Expr::Load { flavour: Flavour::Initial, .. } => true,
-        Expr::Load { flavour: Flavour::Value, var, .. } => model.vars[*var].role == Role::Algebraic,
+        Expr::Load { flavour: Flavour::Value, var, .. } => model.vars[*var].role == Role::Algebraic && !set.contains(var),
         _ => false,
     })
 }

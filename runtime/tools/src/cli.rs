@@ -19,6 +19,7 @@ mod lsp;
 mod new;
 mod outputs;
 mod plot;
+mod reduction;
 mod report;
 mod runs;
 mod simulate;

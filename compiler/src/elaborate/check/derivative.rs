@@ -10,7 +10,7 @@ const LONGEST: usize = 300;
 /// Adds to faults about constraints that are to be differentiated the time derivative of the
 /// equation, where it can be written.
 pub(crate) fn show_derivatives(files: &[File], sources: &SourceMap, faults: &mut Faults) {
-    for fault in faults.iter_mut().filter(|fault| fault.code == codes::HIGH_INDEX && !fault.notes.is_empty()) {
+    for fault in faults.iter_mut().filter(|fault| fault.code == codes::HIGH_INDEX) {
         let found = files.iter().find_map(|file| equation(&file.statements, &[], fault.primary.span));
         let Some((lhs, rhs, binders, scopes)) = found else { continue };
         let deriver = Deriver { scopes, binders, sources };

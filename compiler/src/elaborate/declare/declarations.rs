@@ -156,6 +156,10 @@ impl<'a> Declaring<'_, 'a> {
             let help = "remove the word; `in 0..high` declares bounds";
             self.work.ledger.report(Diagnostic::error(codes::NOT_NONNEGATIVE, message, word).help(help));
         }
+        if let Some(word) = d.prefer.filter(|_| role != syntax::Role::State) {
+            let message = format!("`{}` is not a state, and only states can be preferred as states", d.name.text);
+            self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, word).help("remove the word `prefer`"));
+        }
         let place = Place::new(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| units::unit(&mut self.lowering(), u, &place));

@@ -140,7 +140,8 @@ pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap
 /// States that an initial value reads.
 fn states_read(exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>, e: ExprId) -> Vec<Element> {
     let read = |e: ExprId| match exprs.node(e) {
-        Expr::Load { var, flavour: Flavour::Value, at } if vars[var].role == Role::State => Some((var, at)),
+        // An algebraic variable that is written is one that was declared as a state.
+        Expr::Load { var, flavour: Flavour::Value, at } if matches!(vars[var].role, Role::State | Role::Algebraic) => Some((var, at)),
         _ => None,
     };
     exprs.below([e]).filter_map(read).collect()

@@ -5,6 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
+use crate::differentiate::{self, Loaded};
 use crate::elaborate::expansions::Asked;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
@@ -12,7 +13,7 @@ use crate::elaborate::lower::{Lowering, functions, indices, operators, outcome, 
 use crate::elaborate::select::items::reference;
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
-use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Flavour, Role, VarId};
+use crate::ir::{Affine, Builtin, Expr as Node, ExprId, Exprs, Flavour, Role, VarId};
 
 impl<'a> Lowering<'_, 'a> {
     /// Elaborates an expression.
@@ -203,23 +204,64 @@ impl<'a> Lowering<'_, 'a> {
         }
     }
 
-    /// `d/dt x`
+    /// `d/dt x`, `d/dt (expression)`: the rate of a variable, and by the chain rule that of an expression of some.
     pub(in crate::elaborate) fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
         let v = self.value(inner, place);
         let Measure::Of(unit) = &v.unit else {
             return if v.is_poison() { v } else { self.values().not_a_state(span, inner) };
         };
-        match self.exprs.node(v.expr) {
-            Node::Load { var, flavour: Flavour::Value, at } if self.symbols.vars[var].role == Role::State => {
-                let expr = self.exprs.load(var, Flavour::Derivative, at);
-                Value::of(expr, units::rate(unit, &self.symbols.time_unit))
-            }
-            Node::Load { var, flavour: Flavour::Value, .. } => {
-                let fault = self.symbols.no_derivative(var, inner, span);
-                self.fault(fault)
-            }
-            _ => self.values().not_a_state(span, inner),
+        let unit = units::rate(unit, &self.symbols.time_unit);
+        if let Node::Load { var, flavour, at } = self.exprs.node(v.expr) {
+            return match self.symbols.vars[var].role {
+                Role::State | Role::Algebraic if flavour == Flavour::Value => {
+                    let expr = self.exprs.load(var, Flavour::Derivative, at);
+                    Value::of(expr, unit)
+                }
+                _ => {
+                    let fault = self.symbols.no_derivative(var, inner, span);
+                    self.fault(fault)
+                }
+            };
         }
+        if let Some(fault) = self.without_rate(v.expr, span) {
+            return self.fault(fault);
+        }
+        let vars = &self.symbols.vars;
+        let moves = |exprs: &mut Exprs, load: Option<Loaded>| match load {
+            None => Some(exprs.constant(1.0)),
+            Some((var, Flavour::Value, at)) if matches!(vars[var].role, Role::State | Role::Algebraic) => {
+                Some(exprs.load(var, Flavour::Derivative, at))
+            }
+            Some(_) => None,
+        };
+        match differentiate::total(self.exprs, usize::from(place.depth), v.expr, &moves) {
+            Ok(expr) => Value::of(expr, unit),
+            Err(_) => self.fault(
+                Diagnostic::error(codes::WRONG_KIND, "the expression has too many nested sums to be differentiated", span)
+                    .help("name the inner sum by a `var` with an equation of its own"),
+            ),
+        }
+    }
+
+    /// The fault of an expression without a rate: one that contains a rate, or something that jumps.
+    fn without_rate(&self, e: ExprId, span: Span) -> Option<Diagnostic> {
+        if self.exprs.has_derivative(e) {
+            let message = "the time derivative of an expression that contains a time derivative";
+            return Some(Diagnostic::error(codes::WRONG_KIND, message, span).help("give the inner one a name: `var v`, `eq v = d/dt x`"));
+        }
+        let jumps = self.exprs.loads(e, |var, flavour| flavour == Flavour::Value && self.symbols.jumps(var)).first().copied();
+        let (var, ..) = jumps?;
+        let v = &self.symbols.vars[var];
+        let what = match v.role {
+            Role::Action => "an action, which is held over a step and jumps between steps",
+            Role::Disturbance => "a disturbance, which jumps between steps",
+            Role::Quadrature => "an integral over the step",
+            Role::Delayed => "a delayed value, which may jump",
+            _ => "a discrete variable, which jumps at sampling instants",
+        };
+        let message = format!("the expression has no time derivative: `{}` is {what}", v.name);
+        let fault = Diagnostic::error(codes::WRONG_KIND, message, span).secondary(v.span, "declared here");
+        Some(fault.help(format!("write the rates of the other factors out, or declare `{}` with `state`", v.name)))
     }
 }
 
@@ -234,11 +276,15 @@ impl Symbols<'_> {
             }
             Role::Param => ("a parameter, which is constant", "declare it with `state`".to_owned()),
             Role::Action => ("an action, which is held over a step", "declare it with `state`, and the rate as the action".to_owned()),
-            Role::Algebraic => ("an algebraic variable", "declare it with `state`, or write out the derivative of its equation".to_owned()),
             _ => ("not a state", "declare it with `state`".to_owned()),
         };
         let message = format!("only a state has a time derivative: `{name}` is {what}");
         Diagnostic::error(codes::WRONG_KIND, message, span).secondary(self.vars[var].span, "declared here").help(help)
+    }
+
+    /// Returns `true` if a variable changes at instants only.
+    fn jumps(&self, var: VarId) -> bool {
+        matches!(self.vars[var].role, Role::Action | Role::Disturbance | Role::Discrete | Role::Quadrature | Role::Delayed)
     }
 
     /// Name of the independent variable.

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap, printable};
 
 use super::report::{self, Failed};
-use super::{Files, Format, ModelArguments, say};
+use super::{Files, Format, ModelArguments, reduction, say};
 use crate::policy::Policy;
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded};
@@ -23,6 +23,9 @@ pub(super) struct CheckArguments {
     /// Format of diagnostics; JSON goes to standard output
     #[arg(long, value_enum, default_value_t)]
     format: Format,
+    /// List the equations that index reduction differentiated, and the states that follow from them
+    #[arg(long)]
+    verbose: bool,
     /// Evaluate the drift of declared invariants along a nominal episode
     #[arg(long)]
     invariants: bool,
@@ -38,6 +41,9 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                 show(&loaded.warnings, &loaded.sources, arguments.format, &mut objects);
                 if arguments.format == Format::Text {
                     say(printable(&format!("{}: {}\n", file.display(), verdict(&loaded))))?;
+                    if arguments.verbose {
+                        say(printable(&reduction::listing(loaded.model.interface(), &loaded.sources)))?;
+                    }
                 }
                 if arguments.invariants {
                     match (invariants(loaded), arguments.format) {

@@ -11,11 +11,11 @@ use smpl_compiler::compiled::{CompiledModel, WatchRole};
 use smpl_compiler::model::{AlgebraicCounts, Quantity};
 
 use super::report::Failed;
-use super::{ModelArguments, outputs, say};
+use super::{ModelArguments, outputs, reduction, say};
 use smpl_compiler::emit;
 use smpl_runtime::catalogue::{Catalogue, Element, Family};
 use smpl_runtime::files::write_whole;
-use smpl_runtime::load::{self, ARTEFACT_EXTENSION};
+use smpl_runtime::load::{self, ARTEFACT_EXTENSION, Loaded};
 use smpl_runtime::solver::System;
 use smpl_runtime::solver::linear;
 use smpl_runtime::system::CompiledSystem;
@@ -97,11 +97,12 @@ pub(super) fn run(arguments: &CompileArguments) -> Result<(), Failed> {
     outputs::check(&[Some(&out)], read())?;
     let bytes = loaded.model.to_bytes(loaded.fingerprint, &loaded.circumstances)?;
     write_whole(&out, |file| file.write_all(&bytes))?;
-    outputs::conclude(&summary(&loaded.model, loading, &out)?, &[Some(&out)])
+    outputs::conclude(&summary(&loaded, loading, &out)?, &[Some(&out)])
 }
 
 /// Summary of the compilation; `loading` is the time from the text to the compiled model.
-fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path) -> Result<String, Failed> {
+fn summary(loaded: &Loaded, loading: Duration, out: &Path) -> Result<String, Failed> {
+    let model = &loaded.model;
     let interface = model.interface();
     let statistics = model.statistics();
     let count = |quantities: &[Quantity]| quantities.iter().map(Quantity::len).sum::<usize>();
@@ -111,6 +112,7 @@ fn summary(model: &std::sync::Arc<CompiledModel>, loading: Duration, out: &Path)
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
     let _ = writeln!(text, "  differential states   {}", model.states());
     let _ = writeln!(text, "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted");
+    text.push_str(&reduction::listing(interface, &loaded.sources));
     let _ = writeln!(text, "  discrete variables    {}", count(&interface.quantities.discretes));
     let _ = writeln!(text, "  actions               {}", count(&interface.quantities.actions));
     let _ = writeln!(text, "  observations          {}", interface.finish.observations.len());
@@ -210,6 +212,10 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         "time": {"name": interface.time.name, "unit": interface.time.unit},
         "states": family(&catalogue.states),
         "algebraics": family(&catalogue.algebraics),
+        "reduction": {
+            "differentiated": interface.reduction.differentiated.iter().map(|d| d.times).collect::<Vec<_>>(),
+            "follow": interface.reduction.demoted.iter().flat_map(|d| &d.elements).collect::<Vec<_>>(),
+        },
         "discretes": family(&catalogue.discretes),
         "actions": family(&catalogue.actions),
         "disturbances": family(&catalogue.disturbances),

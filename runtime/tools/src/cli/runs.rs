@@ -184,7 +184,7 @@ fn target(name: &str, setup: &Setup) -> Target {
         "policy" => Target::Policy,
         _ if is_variant => Target::Variant,
         _ if catalogue.parameters.find(name).is_some_and(|e| !e.structural) => Target::Parameter,
-        _ if catalogue.states.find(name).is_some() => Target::State,
+        _ if catalogue.state(name).is_some() => Target::State,
         _ if catalogue.discretes.find(name).is_some() => Target::Discrete,
         _ => Target::Setting,
     }

@@ -315,7 +315,7 @@ impl SimulateArguments {
     pub(crate) fn warn_of_bounds(&self, setup: &Setup, reset: &ResetOptions) {
         let catalogue = &setup.catalogue;
         if let (Some(path), StateInput::Named(states)) = (&self.init, &reset.state) {
-            let states = states.iter().filter_map(|(name, &value)| Some((catalogue.states.find(name)?, value)));
+            let states = states.iter().filter_map(|(name, &value)| Some((catalogue.state(name)?, value)));
             let discretes = reset.discrete.iter().filter_map(|(name, &value)| Some((catalogue.discretes.find(name)?, value)));
             report::warn_of_bounds(&path.display().to_string(), states.chain(discretes));
         }

@@ -198,7 +198,7 @@ pub(crate) fn kind_of(setup: &Setup, name: &str) -> Option<Swept> {
     let known = [
         (catalogue.parameters.find(name).is_some(), Swept::Parameter),
         (catalogue.actions.find(name).is_some(), Swept::Action),
-        (catalogue.states.find(name).is_some() || catalogue.discretes.find(name).is_some(), Swept::Initial),
+        (catalogue.state(name).is_some() || catalogue.discretes.find(name).is_some(), Swept::Initial),
     ];
     known.into_iter().find_map(|(is, kind)| is.then_some(kind))
 }

@@ -1,0 +1,383 @@
+//! Choice of the states that follow from constraints: dummy derivatives (Mattsson and Söderlind,
+//! SIAM J. Sci. Comput. 14 (1993) 677-692).
+//!
+//! Each differentiated equation stays in the system, and one unknown of lower order or one state follows from it.
+
+use std::collections::BTreeMap;
+
+use super::bounds::cannot_vanish;
+use super::pantelides::System;
+use super::project::{Group, states_of};
+use super::start::Start;
+use super::system::{Matching, Node, Pool, Search};
+use crate::differentiate;
+use crate::elaborate::for_each_element;
+use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
+use crate::model::{Model, Quantity};
+
+/// Part of the largest entry that a pivot must have.
+const LEAST: f64 = 1e-2;
+/// Entry, relative to the others of its row, that counts as none.
+const NONE: f64 = 1e-9;
+
+/// Preferences from the text of the model.
+pub(super) struct Wishes {
+    /// Rank of each state; states of lower rank follow first.
+    pub(super) keep: FastMap<VarId, u8>,
+}
+
+/// A constraint with the element that follows from it.
+#[derive(Clone, Debug)]
+pub(super) struct Settled {
+    pub(super) node: Node,
+    pub(super) var: VarId,
+    pub(super) at: Affine,
+}
+
+/// Treatment of constraints.
+#[derive(Default)]
+pub(super) struct Outcome {
+    /// Those from which something follows.
+    pub(super) settled: Vec<Settled>,
+    /// Those that states are projected to.
+    pub(super) groups: Vec<Group>,
+}
+
+/// Settles each constraint; `None` if no choice of states was found.
+pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Option<Outcome> {
+    let numbers: Vec<usize> = (0..system.nodes.len()).filter(|&i| system.nodes[i].derivative.is_some()).collect();
+    let nodes: Vec<Node> = numbers.iter().map(|&i| system.nodes[i].clone()).collect();
+    let mut outcome = Outcome::default();
+    if nodes.iter().all(|node| node.extents.is_empty()) {
+        let fresh = fresh_states(model, system, &numbers);
+        let start = Start::of(model);
+        let found = by_numbers(model, (&nodes, &fresh), &system.lower, wishes, &start);
+        let found = found.or_else(|| by_numbers(model, (&nodes, &fresh), &system.lower, wishes, &Start::anywhere()))?;
+        outcome = apart(model, system, wishes, found);
+    } else {
+        outcome.settled = by_structure(model, nodes, &system.lower, wishes)?;
+    }
+    let count = |of: &dyn Fn(VarId) -> bool| outcome.settled.iter().filter(|s| of(s.var)).map(|s| s.node.count()).sum::<i64>();
+    let forced = count(&|var| model.vars[var].role == Role::Algebraic);
+    (forced == system.lower.elements().len() as i64).then_some(outcome)
+}
+
+/// The states that each constraint should determine: of a time derivative those that do not occur in what it is the derivative of.
+fn fresh_states(model: &Model, system: &System, numbers: &[usize]) -> Vec<FastSet<(VarId, i64)>> {
+    let states = |i: usize| states_of(model, std::slice::from_ref(&system.nodes[i])).into_iter().collect::<FastSet<_>>();
+    let before: FastMap<usize, usize> = numbers.iter().filter_map(|&i| Some((system.nodes[i].derivative?, i))).collect();
+    let fresh = |&i: &usize| {
+        let all = states(i);
+        let mut new = all.clone();
+        let mut at = i;
+        while let Some(&parent) = before.get(&at) {
+            states(parent).iter().for_each(|state| {
+                new.remove(state);
+            });
+            at = parent;
+        }
+        if new.is_empty() { all } else { new }
+    };
+    numbers.iter().map(fresh).collect()
+}
+
+/// Takes the constraints apart that share no state: those of which a pivot could vanish are projected.
+fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<(Settled, bool)>) -> Outcome {
+    let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|(s, _)| states_of(model, std::slice::from_ref(&s.node))).collect();
+    let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
+    states.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&state| with.entry(state).or_default().push(i)));
+    let next: Vec<Vec<usize>> = states.iter().map(|list| list.iter().flat_map(|state| with[state].iter().copied()).collect()).collect();
+    let mut outcome = Outcome::default();
+    for part in crate::graph::connected(&next) {
+        let nodes: Vec<Node> = part.iter().map(|&i| found[i].0.node.clone()).collect();
+        let scale = |&(var, element): &(VarId, i64)| (var, element, column(model, wishes, var, Affine::constant(element)).scale);
+        let states: Vec<_> = states_of(model, &nodes).iter().map(scale).collect();
+        let group = Group { nodes, states };
+        let only_states = part.iter().all(|&i| model.vars[found[i].0.var].role == Role::State);
+        if only_states && part.iter().any(|&i| found[i].1) && group.may_be_projected(&system.slopes, wishes) {
+            outcome.groups.push(group);
+        } else {
+            outcome.settled.extend(part.iter().map(|&i| found[i].0.clone()));
+        }
+    }
+    outcome
+}
+
+/// The derivative of an expression by one element.
+pub(super) fn by_element(exprs: &mut Exprs, depth: usize, e: ExprId, (var, at): (VarId, Affine)) -> Option<ExprId> {
+    let one = |exprs: &mut Exprs, load: Option<(VarId, Flavour, Affine)>| match load {
+        Some((v, Flavour::Value, read)) if v == var => {
+            let (own, other) = (super::super::whole::number(exprs, at), super::super::whole::number(exprs, read));
+            let (same, one, zero) = (exprs.compare(Compare::Eq, own, other), exprs.constant(1.0), exprs.constant(0.0));
+            Some(if read == at { one } else { exprs.select(same, one, zero) })
+        }
+        _ => None,
+    };
+    differentiate::total(exprs, depth, e, &one).ok()
+}
+
+/// Returns `true` if an expression is constant during an episode.
+pub(super) fn is_constant(model: &Model, e: ExprId) -> bool {
+    model.exprs.below([e]).all(|e| match model.exprs.node(e) {
+        Expr::Time => false,
+        Expr::Load { var, flavour, .. } => model.vars[var].role == Role::Param && flavour == Flavour::Value,
+        _ => true,
+    })
+}
+
+/// A candidate of an equation.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    var: VarId,
+    at: Affine,
+    keep: u8,
+    scale: f64,
+}
+
+fn column(model: &Model, wishes: &Wishes, var: VarId, at: Affine) -> Column {
+    let q = &model.interface.quantities;
+    let quantity = q.states.iter().chain(&q.algebraics).find(|q| q.var == Some(var));
+    let scale = quantity.map(|q| Quantity::pick(&q.scale, at.offset.max(0) as usize)).filter(|x| x.is_finite() && *x > 0.0);
+    Column { var, at, keep: wishes.keep.get(&var).copied().unwrap_or(0), scale: scale.unwrap_or(1.0) }
+}
+
+/// Elimination with pivots chosen by the numbers at the start; with each whether its pivot could vanish.
+fn by_numbers(
+    model: &mut Model,
+    (nodes, fresh): (&[Node], &[FastSet<(VarId, i64)>]),
+    lower: &Pool,
+    wishes: &Wishes,
+    start: &Start,
+) -> Option<Vec<(Settled, bool)>> {
+    let mut columns: Vec<Column> = Vec::new();
+    let mut number: FastMap<(VarId, i64), usize> = FastMap::default();
+    let mut rows: Vec<BTreeMap<usize, f64>> = Vec::new();
+    let mut varies: FastSet<(usize, usize)> = FastSet::default();
+    for (row, node) in nodes.iter().enumerate() {
+        let forced = node.candidates(model, Role::Algebraic).into_iter().filter(|(var, at)| lower.has(*var, at.offset));
+        let states = node.candidates(model, Role::State).into_iter().filter(|(var, at)| fresh[row].contains(&(*var, at.offset)));
+        let all: Vec<_> = forced.chain(states).collect();
+        let mut entries = BTreeMap::new();
+        for (var, at) in all {
+            let Some(slope) = by_element(&mut model.exprs, 0, node.residual, (var, at)) else { continue };
+            let next = columns.len();
+            let at_column = *number.entry((var, at.offset)).or_insert(next);
+            if at_column == next {
+                columns.push(column(model, wishes, var, at));
+            }
+            let value = start.value(&mut model.exprs, slope) * columns[at_column].scale;
+            if value != 0.0 {
+                entries.insert(at_column, value);
+            }
+            if !is_constant(model, slope) && !cannot_vanish(model, slope) {
+                varies.insert((row, at_column));
+            }
+        }
+        let size = entries.values().fold(0.0_f64, |size, x| size.max(x.abs()));
+        entries.values_mut().for_each(|x| *x /= size);
+        rows.push(entries);
+    }
+    let is_forced = |c: &Column| model.vars[c.var].role == Role::Algebraic;
+    let forced: Vec<usize> = (0..columns.len()).filter(|&c| is_forced(&columns[c])).collect();
+    let mut elimination = Elimination { rows, used: vec![None; nodes.len()] };
+    for &c in &forced {
+        let row = elimination.largest_in(c)?;
+        elimination.pivot(row, c);
+    }
+    while elimination.used.iter().any(Option::is_none) {
+        let (row, c) = elimination.best(&columns, &varies)?;
+        elimination.pivot(row, c);
+    }
+    let settled = nodes.iter().zip(&elimination.used).enumerate().map(|(row, (node, c))| {
+        let c = (*c)?;
+        Some((Settled { node: node.clone(), var: columns[c].var, at: columns[c].at }, varies.contains(&(row, c))))
+    });
+    settled.collect()
+}
+
+struct Elimination {
+    rows: Vec<BTreeMap<usize, f64>>,
+    /// The column of each row that has one.
+    used: Vec<Option<usize>>,
+}
+
+impl Elimination {
+    /// The free row with the largest entry in a column.
+    fn largest_in(&self, c: usize) -> Option<usize> {
+        let free = (0..self.rows.len()).filter(|&row| self.used[row].is_none());
+        let size = |row: usize| self.rows[row].get(&c).map_or(0.0, |x| x.abs());
+        free.filter(|&row| size(row) > NONE).max_by(|a, b| size(*a).total_cmp(&size(*b)).then(b.cmp(a)))
+    }
+
+    /// The best entry of the free rows: by wish, then one that does not vary, then by size, or of those that stay the last one.
+    fn best(&self, columns: &[Column], varies: &FastSet<(usize, usize)>) -> Option<(usize, usize)> {
+        let taken: FastSet<usize> = self.used.iter().flatten().copied().collect();
+        let free = (0..self.rows.len()).filter(|&row| self.used[row].is_none());
+        let mut found: Option<((u8, bool, f64, usize), (usize, usize))> = None;
+        for row in free {
+            let entries = self.rows[row].iter().filter(|(c, x)| !taken.contains(*c) && x.abs() > NONE);
+            let size = entries.clone().fold(0.0_f64, |size, (_, x)| size.max(x.abs()));
+            for (&c, x) in entries.filter(|(_, x)| x.abs() >= LEAST * size) {
+                let moves = varies.contains(&(row, c));
+                let rank = (columns[c].keep, moves, if moves { -x.abs() / size } else { 0.0 }, usize::MAX - c);
+                let better = found.as_ref().is_none_or(|(best, _)| {
+                    (rank.0, rank.1).cmp(&(best.0, best.1)).then(rank.2.total_cmp(&best.2)).then(rank.3.cmp(&best.3)).is_lt()
+                });
+                if better {
+                    found = Some((rank, (row, c)));
+                }
+            }
+        }
+        found.map(|(_, place)| place)
+    }
+
+    fn pivot(&mut self, row: usize, c: usize) {
+        self.used[row] = Some(c);
+        let pivot = self.rows[row].clone();
+        let own = pivot[&c];
+        for other in 0..self.rows.len() {
+            if self.used[other].is_some() {
+                continue;
+            }
+            let Some(factor) = self.rows[other].get(&c).map(|x| x / own) else { continue };
+            for (&k, x) in &pivot {
+                let entry = self.rows[other].entry(k).or_insert(0.0);
+                let (before, part) = (*entry, factor * x);
+                *entry = before - part;
+                if entry.abs() <= 1e-13 * (before.abs() + part.abs()) {
+                    self.rows[other].remove(&k);
+                }
+            }
+            self.rows[other].remove(&c);
+        }
+    }
+}
+
+/// A matching that loops take part in, each as one.
+fn by_structure(model: &mut Model, nodes: Vec<Node>, lower: &Pool, wishes: &Wishes) -> Option<Vec<Settled>> {
+    let start = Start::of(model);
+    let mut pool = lower.clone();
+    let mut candidates: FastMap<usize, Vec<(VarId, Affine)>> = FastMap::default();
+    for (i, node) in nodes.iter().enumerate() {
+        let mut list: Vec<((u8, u8, bool, f64, usize), (VarId, Affine))> = Vec::new();
+        for (var, at) in node.candidates(model, Role::Algebraic) {
+            let mut fits = true;
+            for_each_element(&node.extents, at, &mut |i| fits &= lower.has(var, i));
+            if fits {
+                list.push(((0, 0, false, 0.0, 0), (var, at)));
+            }
+        }
+        for (order, (var, at)) in node.candidates(model, Role::State).into_iter().enumerate() {
+            let len = i64::from(model.vars[var].len);
+            for element in 0..len {
+                if !pool.has(var, element) {
+                    pool.set(model, var, element, true);
+                }
+            }
+            let depth = node.extents.len();
+            let slope = by_element(&mut model.exprs, depth, node.residual, (var, at));
+            // The address of a sum is no element of it.
+            let (varies, size) = match slope.filter(|&slope| model.exprs.as_const(slope) != Some(0.0)) {
+                Some(slope) => (!is_constant(model, slope), start.value(&mut model.exprs, slope).abs()),
+                None => (false, 1.0),
+            };
+            let wish = column(model, wishes, var, at);
+            let size = if varies { -size * wish.scale } else { 0.0 };
+            list.push(((1, wish.keep, varies, size, usize::MAX - order), (var, at)));
+        }
+        list.sort_by(|(a, _), (b, _)| (a.0, a.1, a.2).cmp(&(b.0, b.1, b.2)).then(a.3.total_cmp(&b.3)).then(a.4.cmp(&b.4)));
+        candidates.insert(i, list.into_iter().map(|(_, candidate)| candidate).collect());
+    }
+    let search = Search { nodes: &nodes, candidates: &candidates, pool: &pool };
+    let mut matching = Matching::default();
+    for node in 0..nodes.len() {
+        if !matching.augment(&search, node, &mut FastSet::default(), 0) {
+            return None;
+        }
+    }
+    let mut settled: Vec<Settled> = (0..nodes.len())
+        .map(|i| matching.of.get(&i).map(|&(var, at)| Settled { node: nodes[i].clone(), var, at }))
+        .collect::<Option<_>>()?;
+    for (var, element) in lower.elements() {
+        if !holds(&settled, var, element) && !give(model, &mut settled, (var, element), &mut FastSet::default()) {
+            return None;
+        }
+    }
+    Some(settled)
+}
+
+fn holds(settled: &[Settled], var: VarId, element: i64) -> bool {
+    let mut found = false;
+    for s in settled.iter().filter(|s| s.var == var) {
+        for_each_element(&s.node.extents, s.at, &mut |i| found |= i == element);
+    }
+    found
+}
+
+/// Lets an equation that determines a state determine an unknown of lower order instead; one pass of a loop where that is enough.
+fn give(model: &mut Model, settled: &mut Vec<Settled>, (var, element): (VarId, i64), seen: &mut FastSet<(VarId, i64)>) -> bool {
+    if !seen.insert((var, element)) {
+        return false;
+    }
+    let reading: Vec<(usize, Affine)> = settled
+        .iter()
+        .enumerate()
+        .flat_map(|(i, s)| s.node.reads(model, Role::Algebraic).into_iter().map(move |read| (i, read)))
+        .filter(|(_, read)| {
+            let mut found = false;
+            read.each(&mut |i| found |= i == element);
+            read.var == var && found
+        })
+        .map(|(i, read)| (i, read.at))
+        .collect();
+    let at = Affine::constant(element);
+    for &(i, read) in &reading {
+        let Some(single) = alone(model, settled, i, read, element) else { continue };
+        if model.vars[settled[single].var].role == Role::State {
+            settled[single] = Settled { var, at, ..settled[single].clone() };
+            return true;
+        }
+        let displaced = (settled[single].var, settled[single].at.offset);
+        let before = settled[single].clone();
+        settled[single] = Settled { var, at, ..before.clone() };
+        if give(model, settled, displaced, seen) {
+            return true;
+        }
+        settled[single] = before;
+    }
+    false
+}
+
+/// The pass of a loop that reads an element as an equation of its own; none where loops nest.
+fn alone(model: &mut Model, settled: &mut Vec<Settled>, i: usize, read: Affine, element: i64) -> Option<usize> {
+    let s = settled[i].clone();
+    let pass = match s.node.extents[..] {
+        [] => return Some(i),
+        [_] if read.strides[0] == 0 => 0,
+        [n] => {
+            let ahead = element - read.offset;
+            let pass = ahead / read.strides[0];
+            if ahead % read.strides[0] != 0 || !(0..i64::from(n)).contains(&pass) {
+                return None;
+            }
+            pass
+        }
+        _ => return None,
+    };
+    let n = i64::from(s.node.extents[0]);
+    let part = |model: &mut Model, first: i64, count: i64| {
+        let residual = super::super::cuts::advanced(&mut model.exprs, s.node.residual, LoopVar(0), first);
+        let node = Node { extents: vec![count as u32], residual, ..s.node.clone() };
+        Settled { node, var: s.var, at: s.at.advanced(0, first) }
+    };
+    let residual = model.exprs.shift(s.node.residual, LoopVar(0), pass);
+    let single = Settled { node: Node { extents: Vec::new(), residual, ..s.node.clone() }, var: s.var, at: s.at.at_pass(0, pass) };
+    for (first, count) in [(0, pass), (pass + 1, n - pass - 1)] {
+        if count > 0 {
+            let piece = part(model, first, count);
+            settled.push(piece);
+        }
+    }
+    settled[i] = single;
+    Some(i)
+}

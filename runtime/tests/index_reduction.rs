@@ -1,0 +1,494 @@
+//! Systems of index above 1, and rates of expressions, against closed forms and reduced forms integrated by SciPy 1.x (`DOP853`,
+//! `rtol=1e-12`), by every method that takes algebraic unknowns, in one long step and in many short ones.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use smpl_runtime::environment::{Environment, ResetOptions, StateInput};
+use smpl_runtime::load::{LoadOptions, load_text};
+use smpl_runtime::setup::{EnvironmentOptions, Setup};
+use smpl_runtime::solver::Method;
+
+const METHODS: [Method; 3] = [Method::Ida, Method::Rosenbrock, Method::Auto];
+
+fn environment(text: &str, method: Method, (time, steps): (f64, u32)) -> Environment {
+    let step = time / f64::from(steps);
+    let text = format!(
+        "model M\ntime t : s\nepisode {{ step = {step} [s], max_steps = {steps} }}\nsolver {{ rtol = 1e-9, max_steps = 1000000 }}\n{text}\n"
+    );
+    let loaded = load_text(Path::new("m.eq"), text, &LoadOptions::default()).unwrap_or_else(|error| panic!("{error:?}"));
+    let mut options = EnvironmentOptions::default();
+    options.solver.method = Some(method);
+    let setup = Setup::new(loaded.model, options, Some(loaded.sources)).expect("a setup");
+    Environment::new(setup).expect("an environment")
+}
+
+/// The values of all unknowns at the end.
+fn run(text: &str, method: Method, grid: (f64, u32)) -> BTreeMap<String, f64> {
+    let mut environment = environment(text, method, grid);
+    environment.reset(Some(0), &ResetOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    let action = vec![0.0; environment.catalogue().actions.len()];
+    while environment.is_running() {
+        environment.step(&action).expect("a step");
+    }
+    values(&environment)
+}
+
+fn values(environment: &Environment) -> BTreeMap<String, f64> {
+    let catalogue = environment.catalogue();
+    let all = catalogue.states.elements().iter().chain(catalogue.solved.elements());
+    all.map(|element| (element.name.clone(), environment.unknowns()[element.at])).collect()
+}
+
+/// Compares values at the end by all methods, in one step and in many.
+fn ends_at(text: &str, time: f64, expected: &[(&str, f64)], tolerance: f64) {
+    for method in METHODS {
+        for steps in [1, 7, 60] {
+            let found = run(text, method, (time, steps));
+            for (name, value) in expected {
+                let one = found.get(*name).unwrap_or_else(|| panic!("no {name} among {:?}", found.keys()));
+                assert!((one - value).abs() <= tolerance * value.abs().max(1.0), "{method}, {steps} steps: {name} = {one}, not {value}");
+            }
+        }
+    }
+}
+
+const VESSELS: &str = "param R : J/mol/K = 8.314462618
+    param T : K = 300
+    param V1 : m^3 = 1
+    param V2 : m^3 = 2
+    param F : mol/s = 1
+    state n1 : mol = 1
+    state n2 : mol = 2
+    var p1 : Pa
+    var p2 : Pa
+    var w : mol/s
+    eq d/dt n1 = F - w
+    eq d/dt n2 = w
+    eq p1 = n1*R*T/V1
+    eq p2 = n2*R*T/V2
+    eq p1 = p2";
+
+/// n1/V1 = n2/V2 and n1 + n2 = 3 + t.
+#[test]
+fn two_vessels_in_contact_share_what_flows_in() {
+    ends_at(VESSELS, 3.0, &[("n1", 2.0), ("n2", 4.0), ("w", 2.0 / 3.0)], 1e-10);
+}
+
+#[test]
+fn a_start_off_a_constraint_is_refused_by_name_and_value() {
+    let text = VESSELS.replace("n2 : mol = 2", "n2 : mol = 1");
+    let mut environment = environment(&text, Method::Auto, (3.0, 1));
+    let refused = environment.reset(Some(0), &ResetOptions::default()).expect_err("inconsistent").to_string();
+    for part in ["inconsistent", "`n2`", "1 mol", "2 mol", "m.eq:"] {
+        assert!(refused.contains(part), "{refused}");
+    }
+}
+
+#[test]
+fn states_given_by_name_take_those_that_follow_along() {
+    let mut environment = environment(VESSELS, Method::Auto, (3.0, 1));
+    let given = |list: &[(&str, f64)]| {
+        let state = StateInput::Named(list.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect());
+        ResetOptions { state, ..ResetOptions::default() }
+    };
+    environment.reset(Some(0), &given(&[("n1", 5.0)])).expect("n2 follows");
+    assert!((values(&environment)["n2"] - 10.0).abs() < 1e-9);
+    environment.reset(Some(0), &given(&[("n1", 5.0), ("n2", 10.0)])).expect("both fit");
+    let refused = environment.reset(Some(0), &given(&[("n1", 5.0), ("n2", 9.0)])).expect_err("they do not fit").to_string();
+    assert!(refused.contains("`n2`"), "{refused}");
+    environment.reset(Some(0), &ResetOptions { state: StateInput::Array(vec![2.0]), ..ResetOptions::default() }).expect("states");
+    assert!((values(&environment)["n2"] - 4.0).abs() < 1e-9);
+}
+
+/// i(t) of each coil alone with v_n = 0, in closed form.
+#[test]
+fn three_coils_in_a_star_carry_the_currents_of_each_alone() {
+    let text = "param L : V s/A = 0.1
+        param R : V/A = 1
+        param U : V = 100
+        param w : 1/s = 314.1592653589793
+        state i1 : A = 0
+        state i2 : A = 0
+        state i3 : A = 0
+        var vn : V
+        eq L*d/dt i1 = U*sin(w*t) - R*i1 - vn
+        eq L*d/dt i2 = U*sin(w*t - 2.0943951023931953) - R*i2 - vn
+        eq L*d/dt i3 = U*sin(w*t + 2.0943951023931953) - R*i3 - vn
+        eq i1 + i2 + i3 = 0";
+    let expected = [("i1", 1.733_410_788_788_8), ("i2", 1.937_723_055_489_3), ("i3", -3.671_133_844_278_1), ("vn", 0.0)];
+    ends_at(text, 0.055, &expected, 1e-7);
+}
+
+/// Elliptic motion of a pendulum of length 1.
+fn pendulum(g: f64, constraint: &str) -> String {
+    format!(
+        "param g : m/s^2 = {g}
+        state x : m = 1
+        state y : m = 0
+        state u : m/s = 0
+        state v : m/s = 0
+        var F : 1/s^2
+        eq d/dt x = u
+        eq d/dt y = v
+        eq d/dt u = -F*x
+        eq d/dt v = -F*y - g
+        eq {constraint}"
+    )
+}
+
+#[test]
+fn a_pendulum_of_index_3_swings_through_its_lowest_point() {
+    let text = pendulum(9.81, "x^2 + y^2 = 1 [m^2]");
+    ends_at(&text, 2.0, &[("x", 0.793_566_195_343), ("y", -0.608_483_930_444), ("F", 17.907_682_07)], 1e-6);
+}
+
+#[test]
+fn a_pendulum_of_index_2_swings_through_its_lowest_point() {
+    let text = pendulum(1.0, "x*u + y*v = 0 [m^2/s]");
+    ends_at(&text, 5.0, &[("x", -0.685_344_871_279), ("y", -0.728_218_653_573), ("F", 2.184_655_860_72)], 1e-6);
+}
+
+#[test]
+fn a_pendulum_does_not_leave_its_circle() {
+    let text = pendulum(9.81, "x^2 + y^2 = 1 [m^2]");
+    for method in METHODS {
+        for steps in [1, 100] {
+            let found = run(&text, method, (100.0, steps));
+            let radius = found["x"].hypot(found["y"]);
+            let along = found["x"] * found["u"] + found["y"] * found["v"];
+            assert!((radius - 1.0).abs() < 1e-9 && along.abs() < 1e-9, "{method}, {steps}: {radius} {along}");
+            assert!((found["x"] - 0.181_513_351).abs() < 2e-4, "{method}, {steps}: {}", found["x"]);
+        }
+    }
+}
+
+#[test]
+fn a_double_pendulum_keeps_both_rods() {
+    let text = "param g : m/s^2 = 9.81
+        state x : m = 1
+        state y : m = 0
+        state u : m/s = 0
+        state v : m/s = 0
+        state p : m = 2
+        state q : m = 0
+        state r : m/s = 0
+        state s : m/s = 0
+        var F : 1/s^2
+        var G : 1/s^2
+        eq d/dt x = u
+        eq d/dt y = v
+        eq d/dt p = r
+        eq d/dt q = s
+        eq d/dt u = -F*x + G*(p - x)
+        eq d/dt v = -F*y + G*(q - y) - g
+        eq d/dt r = -G*(p - x)
+        eq d/dt s = -G*(q - y) - g
+        eq x^2 + y^2 = 1 [m^2]
+        eq (p - x)^2 + (q - y)^2 = 1 [m^2]";
+    let expected = [("x", -0.994_596_766_902), ("y", 0.103_813_637_194), ("p", -1.969_206_623_126), ("q", -0.120_096_228_938)];
+    ends_at(text, 1.5, &expected, 2e-5);
+}
+
+/// A bead on y = x^2: y follows from x at all times.
+#[test]
+fn a_bead_on_a_parabola_follows_by_its_own_coordinate() {
+    let text = "param g : m/s^2 = 9.81
+        state x : m = 1
+        state y : m = 1
+        state u : m/s = 0
+        state v : m/s = 0
+        var F : m/s^2
+        eq d/dt x = u
+        eq d/dt y = v
+        eq d/dt u = 2*x*F/1[m]
+        eq d/dt v = -F - g
+        eq y*1[m] = x^2";
+    ends_at(text, 2.0, &[("x", 0.680_720_715_960), ("y", 0.463_380_693_137), ("u", 1.920_843_476_944), ("v", 2.615_115_893_743)], 1e-6);
+}
+
+#[test]
+fn a_loop_of_capacitors_and_a_source_has_one_state() {
+    let text = "param C1 : A s/V = 1
+        param C2 : A s/V = 2
+        param R1 : V/A = 1
+        param R2 : V/A = 3
+        state u1 : V = 0
+        state u2 : V = 0
+        var i : A
+        eq C1*d/dt u1 = i - u1/R1
+        eq C2*d/dt u2 = i - u2/R2
+        eq u1 + u2 = sin(t/1[s])*1[V]";
+    ends_at(text, 2.0, &[("u1", 0.415_776_946_904), ("u2", 0.493_520_479_922), ("i", 0.054_589_015_785)], 1e-7);
+}
+
+#[test]
+fn perfect_level_control_determines_the_outflow() {
+    let text = "param A : m^2 = 2
+        param set : m = 1
+        state h : m = 1
+        state c : mol/m^3 = 0
+        var F : m^3/s
+        var q : m^3/s
+        eq F = (1 + 0.5*sin(t/1[s]))*1[m^3/s]
+        eq d/dt (A*h) = F - q
+        eq d/dt (A*h*c) = F*3[mol/m^3] - q*c
+        eq h = set";
+    ends_at(text, 3.0, &[("c", 2.592_977_102_326), ("q", 1.070_560_004_030), ("h", 1.0)], 1e-7);
+}
+
+#[test]
+fn a_sum_of_amounts_kept_with_all_balances_determines_the_flow() {
+    let text = "param k : 1/s = 0.7
+        state n1 : mol = 1
+        state n2 : mol = 2
+        state n3 : mol = 3
+        var w : mol/s
+        eq d/dt n1 = 1[mol/s] - k*n1 - w*n1/6[mol]
+        eq d/dt n2 = k*n1 - w*n2/6[mol]
+        eq d/dt n3 = 2[mol/s] - w*n3/6[mol]
+        eq n1 + n2 + n3 = 6[mol]";
+    ends_at(text, 4.0, &[("n1", 0.834_704_96), ("n2", 1.300_630_33), ("n3", 3.864_664_72), ("w", 3.0)], 1e-7);
+}
+
+/// Gas at constant pressure: with bounds the temperature follows, without them both states are projected.
+#[test]
+fn an_energy_balance_of_a_product_keeps_the_pressure() {
+    for bounds in ["", " in 200..500"] {
+        let text = format!(
+            "param R : J/mol/K = 8.314462618
+            state n : mol = 0.40090786018  in 0.001..10
+            state T : K = 300{bounds}
+            var w : mol/s
+            eq d/dt n = 0.5[mol/s] - w
+            eq d/dt (n*2.5*R*T) = 0.5[mol/s]*3.5*R*300[K] + 200[W] - w*3.5*R*T
+            eq n*R*T = 1000[J]"
+        );
+        ends_at(&text, 10.0, &[("n", 0.383_343_827), ("T", 313.745_381), ("w", 0.500_000_05)], 1e-6);
+    }
+}
+
+#[test]
+fn two_masses_on_a_rod_move_as_one() {
+    let text = "state a : m = 0
+        state b : m = 1
+        state u : m/s = 0
+        state v : m/s = 0
+        var f : N
+        eq d/dt a = u
+        eq d/dt b = v
+        eq 1[kg]*d/dt u = sin(t/1[s])*1[N] - f
+        eq 2[kg]*d/dt v = f - 0.3[N s/m]*v
+        eq b - a = 1[m]";
+    let expected = [("a", 0.874_487_47), ("b", 1.874_487_47), ("u", 0.575_882_09), ("f", 0.151_668_213_891)];
+    ends_at(text, 3.0, &expected, 1e-7);
+}
+
+/// z^3 + z = x with x' = -x: z' = -x/(3 z^2 + 1).
+#[test]
+fn the_rate_of_a_variable_of_an_implicit_equation_is_found() {
+    let text = "state x = 2
+        var z = 1
+        var r : 1/s
+        eq d/dt x = -x/1[s]
+        eq z^3 + z = x
+        eq r = der(z)";
+    ends_at(text, 1.5, &[("z", 0.387_896_141_544), ("r", -0.307_470_937_148)], 1e-7);
+}
+
+/// rho*V grows by 1.5 t^2 where rho falls by 10 a second.
+#[test]
+fn the_slope_of_a_table_enters_the_rate_of_a_product() {
+    let text = "table rho over t : s linear { 0: 1000, 10: 900, 20: 950 }
+        state V : m^3 = 1
+        eq d/dt (rho(t)*V) = 3[m^3/s]*t/1[s]";
+    ends_at(text, 3.0, &[("V", (1000.0 + 13.5) / 970.0)], 1e-7);
+}
+
+fn chain(count: u32) -> String {
+    format!(
+        "set k = 1..{count}
+        set j = 1..{}
+        param F : mol/s = 1
+        state n[i in k] : mol = 1
+        var p[k] : mol
+        var w[j] : mol/s
+        eq d/dt n[1] = F - w[1]
+        eq d/dt n[i] = w[i-1] - w[i] for i in 2..{}
+        eq d/dt n[{count}] = w[{}]
+        eq p[i] = n[i]*2 for i in k
+        eq p[i] = p[i+1] for i in 1..{}",
+        count - 1,
+        count - 1,
+        count - 1,
+        count - 1
+    )
+}
+
+/// All amounts are 1 + t/count, and what flows on from vessel i is 1 - i/count.
+#[test]
+fn a_chain_of_vessels_stays_a_loop() {
+    let code = |count: u32| {
+        let environment = environment(&chain(count), Method::Auto, (1.0, 1));
+        environment.setup().model().statistics().code_bytes
+    };
+    assert!(code(400) < 2 * code(40), "{} and {} bytes", code(40), code(400));
+    let expected = [("n[1]", 1.075), ("n[40]", 1.075), ("w[10]", 0.75)];
+    ends_at(&chain(40), 3.0, &expected, 1e-9);
+}
+
+#[test]
+fn states_of_an_array_keep_their_names() {
+    let mut environment = environment(&chain(40), Method::Auto, (1.0, 1));
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    let catalogue = environment.catalogue();
+    assert_eq!(catalogue.states.names().collect::<Vec<_>>(), ["n[1]"]);
+    assert!(catalogue.algebraics.find("n[2]").is_some() && catalogue.algebraics.find("n[40]").is_some());
+    assert!(catalogue.algebraics.find("n[1]").is_none());
+}
+
+/// Pressures of all vessels equal to one that nothing else gives: n[i] = 1 + t/count for all of them.
+#[test]
+fn a_common_unknown_pressure_is_determined_with_the_flows() {
+    let text = "set k = 1..20
+        state n[i in k] : mol = 1
+        var w[k] : mol/s
+        var P : mol
+        eq d/dt n[i] = w[i] for i in k
+        eq n[i] = P for i in k
+        eq sum(w[i] for i in k) = 1[mol/s]";
+    ends_at(text, 2.0, &[("w[3]", 0.05), ("P", 1.1), ("n[20]", 1.1), ("n[1]", 1.1)], 1e-9);
+}
+
+#[test]
+fn a_preferred_state_stays_one() {
+    let text = VESSELS.replace("n2 : mol = 2", "n2 : mol = 2 prefer");
+    let environment = environment(&text, Method::Auto, (3.0, 1));
+    assert_eq!(environment.catalogue().states.names().collect::<Vec<_>>(), ["n2"]);
+    let text = pendulum(9.81, "x^2 + y^2 = 1 [m^2]").replace("y : m = 0", "y : m = 0 prefer");
+    let environment = self::environment(&text, Method::Auto, (0.1, 1));
+    assert_eq!(environment.catalogue().states.len(), 2);
+}
+
+/// Fractions of 24 cells of three kinds: x = 1/3 all along where nothing but the sum is fed.
+#[test]
+fn sums_of_fractions_over_cells_are_kept() {
+    let text = "set s = {a, b, c}
+        domain z in 0..1 cells 24
+        state x[s, z] = 1/3
+        var w[z] : 1/s
+        eq d/dt x[a, z] = 0.3/1[s] - w[z]*x[a, z] for z
+        eq d/dt x[b, z] = 0.2/1[s] - w[z]*x[b, z] for z
+        eq d/dt x[c, z] = 0.1/1[s] - w[z]*x[c, z] for z
+        eq sum(x[i, z] for i in s) = 1 for z";
+    let end = (-0.6_f64 * 2.0).exp();
+    let expected = [("w[5]", 0.6), ("x[a,7]", 0.5 - end / 6.0), ("x[c,24]", 1.0 / 6.0 + end / 6.0)];
+    ends_at(text, 2.0, &expected, 1e-7);
+}
+
+/// Numbers between -1 and 1, the same ones in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn matrix(&mut self, rows: usize, columns: usize) -> Vec<Vec<f64>> {
+        (0..rows).map(|_| (0..columns).map(|_| self.next()).collect()).collect()
+    }
+}
+
+/// x' = A x + B z + sin(x) + e cos t with C x = 0, of index 2 where C B is regular.
+struct Constrained {
+    a: Vec<Vec<f64>>,
+    b: Vec<Vec<f64>>,
+    c: Vec<Vec<f64>>,
+    e: Vec<f64>,
+}
+
+impl Constrained {
+    fn random(numbers: &mut Numbers, n: usize, m: usize) -> Self {
+        let (a, mut b, c) = (numbers.matrix(n, n), numbers.matrix(n, m), numbers.matrix(m, n));
+        // C B stays far from singular.
+        for (j, row) in c.iter().enumerate() {
+            b.iter_mut().zip(row).for_each(|(b, c)| b[j] = 0.3 * b[j] + 2.0 * c);
+        }
+        let e = (0..n).map(|_| numbers.next()).collect();
+        Self { a, b, c, e }
+    }
+
+    fn text(&self) -> String {
+        let (n, m) = (self.a.len(), self.c.len());
+        let sum = |row: &[f64], name: &str| row.iter().enumerate().map(|(j, x)| format!(" + ({x})*{name}{j}")).collect::<String>();
+        let mut text: String = (0..n).map(|i| format!("state x{i} = 0\n")).chain((0..m).map(|j| format!("var z{j}\n"))).collect();
+        for i in 0..n {
+            let (own, forced) = (sum(&self.a[i], "x"), sum(&self.b[i], "z"));
+            text += &format!("eq 1[s]*d/dt x{i} = sin(x{i}) + ({})*cos(t/1[s]){own}{forced}\n", self.e[i]);
+        }
+        for row in &self.c {
+            text += &format!("eq 0{} = 0\n", sum(row, "x"));
+        }
+        text
+    }
+
+    /// The rates with the multipliers worked out by elimination, and these.
+    fn rates(&self, t: f64, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let free: Vec<f64> = (0..x.len()).map(|i| dot(&self.a[i], x) + x[i].sin() + self.e[i] * t.cos()).collect();
+        let column = |j: usize| self.b.iter().map(|row| row[j]).collect::<Vec<_>>();
+        let m = self.c.len();
+        let mut system: Vec<Vec<f64>> =
+            self.c.iter().map(|row| (0..m).map(|j| dot(row, &column(j))).chain([-dot(row, &free)]).collect()).collect();
+        for k in 0..m {
+            let pivot = (k..m).max_by(|&i, &j| system[i][k].abs().total_cmp(&system[j][k].abs())).unwrap();
+            system.swap(k, pivot);
+            for i in (0..m).filter(|&i| i != k) {
+                let factor = system[i][k] / system[k][k];
+                for j in k..=m {
+                    system[i][j] -= factor * system[k][j];
+                }
+            }
+        }
+        let z: Vec<f64> = (0..m).map(|k| system[k][m] / system[k][k]).collect();
+        (free.iter().zip(&self.b).map(|(f, b)| f + dot(b, &z)).collect(), z)
+    }
+
+    /// The classical method of Runge and Kutta on the reduced form.
+    fn reference(&self, time: f64) -> (Vec<f64>, Vec<f64>) {
+        const STEPS: u32 = 4000;
+        let h = time / f64::from(STEPS);
+        let mut x = vec![0.0; self.a.len()];
+        for step in 0..STEPS {
+            let t = h * f64::from(step);
+            let moved = |k: &[f64], by: f64| x.iter().zip(k).map(|(x, k)| x + by * k).collect::<Vec<_>>();
+            let k1 = self.rates(t, &x).0;
+            let k2 = self.rates(t + h / 2.0, &moved(&k1, h / 2.0)).0;
+            let k3 = self.rates(t + h / 2.0, &moved(&k2, h / 2.0)).0;
+            let k4 = self.rates(t + h, &moved(&k3, h)).0;
+            x = (0..x.len()).map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])).collect();
+        }
+        let z = self.rates(time, &x).1;
+        (x, z)
+    }
+}
+
+#[test]
+fn random_constrained_systems_follow_their_reduced_forms() {
+    let mut numbers = Numbers(7);
+    for (case, (n, m)) in
+        [(2, 1), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3), (5, 2), (5, 4), (6, 1), (6, 3), (7, 2), (8, 5)].into_iter().enumerate()
+    {
+        let system = Constrained::random(&mut numbers, n, m);
+        let (x, z) = system.reference(1.5);
+        for (method, steps) in [(Method::Ida, 1), (Method::Rosenbrock, 9), (Method::Auto, 1)] {
+            let found = run(&system.text(), method, (1.5, steps));
+            let pairs = x.iter().enumerate().map(|(i, x)| (format!("x{i}"), *x));
+            for (name, value) in pairs.chain(z.iter().enumerate().map(|(j, z)| (format!("z{j}"), *z))) {
+                let one = found[&name];
+                assert!((one - value).abs() < 2e-6 * value.abs().max(1.0), "case {case}, {method}: {name} = {one}, not {value}");
+            }
+        }
+    }
+}
