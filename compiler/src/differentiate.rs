@@ -70,7 +70,8 @@ pub type ColumnOf<'a> = dyn Fn(VarId, Flavour) -> Option<Column> + 'a;
 /// A load: variable, copy, element.
 pub(crate) type Loaded = (VarId, Flavour, Affine);
 
-/// The rate of a load along some direction, or of time itself (`None`); `None` where it does not move.
+/// The rate of a load along some direction, or of time itself (`None`); `None` where it does not
+/// move.
 pub(crate) type RateOf<'a> = dyn Fn(&mut Exprs, Option<Loaded>) -> Option<ExprId> + 'a;
 
 /// The matrix of derivatives of normalised rows.
@@ -120,7 +121,8 @@ fn time_alone(exprs: &mut Exprs, load: Option<Loaded>) -> Option<ExprId> {
     load.is_none().then(|| exprs.constant(1.0))
 }
 
-/// The derivative of an expression inside of `depth` loops along a direction: each load and time move at the rates that `rate_of` gives.
+/// The derivative of an expression inside of `depth` loops along a direction: each load and time
+/// move at the rates that `rate_of` gives.
 ///
 /// # Errors
 /// If reductions nest too deeply.

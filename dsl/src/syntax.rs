@@ -219,7 +219,8 @@ pub enum Role {
     Random,
 }
 
-/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative prefer "text"`
+/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative prefer
+/// "text"`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Declaration {
     /// Name as written.

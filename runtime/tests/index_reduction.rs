@@ -1,5 +1,6 @@
-//! Systems of index above 1, and rates of expressions, against closed forms and reduced forms integrated by SciPy 1.x (`DOP853`,
-//! `rtol=1e-12`), by every method that takes algebraic unknowns, in one long step and in many short ones.
+//! Systems of index above 1, and rates of expressions, against closed forms and reduced forms
+//! integrated by SciPy 1.x (`DOP853`, `rtol=1e-12`), by every method that takes algebraic unknowns,
+//! in one long step and in many short ones.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -251,7 +252,8 @@ fn a_sum_of_amounts_kept_with_all_balances_determines_the_flow() {
     ends_at(text, 4.0, &[("n1", 0.834_704_96), ("n2", 1.300_630_33), ("n3", 3.864_664_72), ("w", 3.0)], 1e-7);
 }
 
-/// Gas at constant pressure: with bounds the temperature follows, without them both states are projected.
+/// Gas at constant pressure: with bounds the temperature follows, without them both states are
+/// projected.
 #[test]
 fn an_energy_balance_of_a_product_keeps_the_pressure() {
     for bounds in ["", " in 200..500"] {
@@ -347,7 +349,8 @@ fn states_of_an_array_keep_their_names() {
     assert!(catalogue.algebraics.find("n[1]").is_none());
 }
 
-/// Pressures of all vessels equal to one that nothing else gives: n[i] = 1 + t/count for all of them.
+/// Pressures of all vessels equal to one that nothing else gives: n[i] = 1 + t/count for all of
+/// them.
 #[test]
 fn a_common_unknown_pressure_is_determined_with_the_flows() {
     let text = "set k = 1..20

@@ -21,8 +21,8 @@ const MOST_SOUGHT: usize = 20;
 /// Largest number of iterations of an implicit equation that is unrolled for matching.
 const WRITTEN_OUT: i64 = 20_000;
 
-/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are the equations before substitutions, for messages.
-/// The index is reduced if equations bind states.
+/// Rows for all unknowns; solved algebraic variables are appended to the unknowns. `written` are
+/// the equations before substitutions, for messages. The index is reduced if equations bind states.
 ///
 /// # Errors
 /// Unknowns without an equation, equations without an unknown.
@@ -329,8 +329,8 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
         .collect()
 }
 
-/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables of their own.
-/// `helpers` are quantities of unknowns that are no outputs.
+/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables
+/// of their own. `helpers` are quantities of unknowns that are no outputs.
 fn complete(model: &mut Model, mut rows: Vec<Row>, helpers: &[Quantity]) -> Vec<Row> {
     // How much of each algebraic variable is solved for, and where.
     let mut parts: BTreeMap<VarId, (i64, Vec<i64>)> = BTreeMap::new();

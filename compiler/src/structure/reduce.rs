@@ -1,14 +1,15 @@
 //! Index reduction: systems in which equations bind states.
 //!
-//! 1. Rates of states are explicit, `x' = f(t, x, z)`; a rate that no equation gives explicitly is an unknown of its own.
-//! 2. [`pantelides`] differentiates equations until those of highest order determine the unknowns of highest order.
-//! 3. [`demote`] lets one unknown of lower order, or one state, follow from each equation that was differentiated. Nothing is dropped:
-//!    constraints are equations of the reduced system, so that nothing drifts.
+//! 1. Rates of states are explicit, `x' = f(t, x, z)`; any other rate becomes an unknown.
+//! 2. [`pantelides`] differentiates equations until those of highest order determine the unknowns
+//!    of highest order.
+//! 3. [`demote`] lets one unknown of lower order, or one state, follow from each equation that was
+//!    differentiated. Constraints stay equations of the reduced system, so that nothing drifts.
 //!    Where what a constraint determines could change, [`project`] keeps all states on it.
 //! 4. [`finish`] writes the model: states that follow from constraints are algebraic variables.
 //!
-//! A loop of equations is one node all along: it is differentiated and matched as a whole. Where the loops do not fit each other, a
-//! second attempt unrolls them.
+//! A loop of equations is one node all along: it is differentiated and matched as a whole. Where
+//! the loops do not fit each other, a second attempt unrolls them.
 
 mod bounds;
 mod demote;
@@ -62,7 +63,8 @@ pub(super) fn is_needed(model: &Model, equations: &[Equation], unknown: &dyn Fn(
 /// The reduced model.
 ///
 /// # Errors
-/// The equation that cannot be differentiated, where that is why; nothing where no number of differentiations determines the unknowns.
+/// The equation that cannot be differentiated, where that is why; nothing where no number of
+/// differentiations determines the unknowns.
 pub(super) fn reduce(model: &Model, equations: &[Equation], plan: &Plan) -> Result<Reduced, Option<Diagnostic>> {
     let loops = attempt(model, equations, plan, false);
     if loops.is_ok() || equations.iter().all(|e| e.extents.is_empty()) {
@@ -186,7 +188,7 @@ fn wishes(model: &Model, equations: &[Equation]) -> Wishes {
             () if set.contains(&var) => 3,
             () if is_fixed => 2,
             () if rated.contains(&var) => 1,
-            // A state without a rate of its own follows best.
+            // A state without an equation of its rate follows best.
             () => 0,
         };
         keep.insert(var, wish);

@@ -1,7 +1,7 @@
 //! Further definitions of arrays that one loop defines as a whole.
 //!
-//! `eq p[i] = n[i]*R*T/V[i] for i in k` defines `p`; `eq p[i] = p[i+1] for i in 1..19` is an equation for something else, although `p[i]` is
-//! alone on its left side.
+//! `eq p[i] = n[i]*R*T/V[i] for i in k` defines `p`; `eq p[i] = p[i+1] for i in 1..19` is an
+//! equation for something else, although `p[i]` is alone on its left side.
 
 use super::common::passes;
 use super::whole::Whole;

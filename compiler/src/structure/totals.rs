@@ -1,4 +1,5 @@
-//! Rates of algebraic variables by their definitions: `der(p)` with `eq p = f(x)` is `f'(x) * der(x)`.
+//! Rates of algebraic variables by their definitions: `der(p)` with `eq p = f(x)` is `f'(x) *
+//! der(x)`.
 
 use super::common::replace_everywhere;
 use super::whole::{Whole, placed, wholes};
@@ -7,8 +8,8 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, Rewritten, Role, VarId};
 use crate::model::Model;
 
-/// Replaces rates of explicitly defined algebraic variables, in equations, programs and elsewhere. Other rates of algebraic variables
-/// stay: [`super::reduce`] finds them.
+/// Replaces rates of explicitly defined algebraic variables, in equations, programs and elsewhere.
+/// Other rates of algebraic variables stay: [`super::reduce`] finds them.
 pub(crate) fn expand(model: &mut Model, equations: &mut [Equation]) {
     if !has_algebraic_rate(model, equations) {
         return;
@@ -91,7 +92,8 @@ impl Known {
     }
 }
 
-/// The time derivative of an expression in `depth` loops, with the rates of states and algebraic variables as they are.
+/// The time derivative of an expression in `depth` loops, with the rates of states and algebraic
+/// variables as they are.
 pub(super) fn derived(exprs: &mut Exprs, depth: usize, value: ExprId, role: &dyn Fn(VarId) -> Option<Role>) -> Option<ExprId> {
     if exprs.has_derivative(value) {
         return None;

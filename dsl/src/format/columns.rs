@@ -184,7 +184,8 @@ pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: u
     Line { key, cells, lines: Vec::new(), comment: None }
 }
 
-/// Columns of one declaration: name, unit, value, sample, bounds, scale, nonnegative and prefer, text.
+/// Columns of one declaration: name, unit, value, sample, bounds, scale, nonnegative and prefer,
+/// text.
 const SLOTS: usize = 8;
 const TEXT: usize = 7;
 

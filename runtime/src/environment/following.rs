@@ -1,4 +1,5 @@
-//! Declared states that follow from constraints: their values at the start are guesses of unknowns, and must fit.
+//! Declared states that follow from constraints: their values at the start are guesses of unknowns,
+//! and must fit.
 
 use std::sync::Arc;
 
@@ -8,7 +9,8 @@ use super::Environment;
 use super::reset::{ResetError, ResetOptions, StateInput};
 use crate::failure::describe_equation;
 
-/// Difference, relative to a value, from which a given value and the one that the equations demand are two.
+/// Difference, relative to a value, from which a given value and the one that the equations demand
+/// are two.
 const FITS: f64 = 1e-6;
 
 /// The same relative to the magnitude of the variable, where values are nearly zero.
@@ -20,7 +22,8 @@ impl Environment {
         self.setup.catalogue.following.elements().iter().map(|e| (e.at, self.progress.y[e.at])).collect()
     }
 
-    /// Refuses a start off the constraints that states are projected to. A whole array of states is taken as it is.
+    /// Refuses a start off the constraints that states are projected to. A whole array of states is
+    /// taken as it is.
     pub(super) fn refuse_off_constraints(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let setup = Arc::clone(&self.setup);
         let interface = setup.model().interface();
@@ -43,10 +46,11 @@ impl Environment {
         let (place, states) = (place.unwrap_or_default(), projected.states.join("`, `"));
         let message =
             format!("inconsistent values: {of}{place} does not hold at the start; change the initial values of `{states}` so that it does");
-        Err(ResetError::Inconsistent { message })
+        Err(ResetError::Inconsistent { message, start: None })
     }
 
-    /// Refuses given values that the constraints do not allow. Where a caller names states, the others of a constraint follow.
+    /// Refuses given values that the constraints do not allow. Where a caller names states, the
+    /// others of a constraint follow.
     pub(super) fn refuse_unfit(&self, options: &ResetOptions, given: &[(usize, f64)]) -> Result<(), ResetError> {
         let setup = &self.setup;
         let is_named = |name: &str| match &options.state {
@@ -68,7 +72,7 @@ impl Environment {
                 "inconsistent values: `{name}` starts at {value}{unit}, but the {equation}, which binds it to other states, demands {demanded}{unit}; \
                  start `{name}` there, or change the other states of the equation"
             );
-            return Err(ResetError::Inconsistent { message });
+            return Err(ResetError::Inconsistent { message, start: None });
         }
         Ok(())
     }

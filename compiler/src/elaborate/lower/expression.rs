@@ -204,7 +204,8 @@ impl<'a> Lowering<'_, 'a> {
         }
     }
 
-    /// `d/dt x`, `d/dt (expression)`: the rate of a variable, and by the chain rule that of an expression of some.
+    /// `d/dt x`, `d/dt (expression)`: the rate of a variable, and by the chain rule that of an
+    /// expression of some.
     pub(in crate::elaborate) fn derivative(&mut self, span: Span, inner: &Expr, place: &Place) -> Value {
         let v = self.value(inner, place);
         let Measure::Of(unit) = &v.unit else {
@@ -243,7 +244,8 @@ impl<'a> Lowering<'_, 'a> {
         }
     }
 
-    /// The fault of an expression without a rate: one that contains a rate, or something that jumps.
+    /// The fault of an expression without a rate: one that contains a rate, or something that
+    /// jumps.
     fn without_rate(&self, e: ExprId, span: Span) -> Option<Diagnostic> {
         if self.exprs.has_derivative(e) {
             let message = "the time derivative of an expression that contains a time derivative";

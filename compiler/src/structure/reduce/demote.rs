@@ -1,7 +1,8 @@
 //! Choice of the states that follow from constraints: dummy derivatives (Mattsson and Söderlind,
 //! SIAM J. Sci. Comput. 14 (1993) 677-692).
 //!
-//! Each differentiated equation stays in the system, and one unknown of lower order or one state follows from it.
+//! Each differentiated equation stays in the system, and one unknown of lower order or one state
+//! follows from it.
 
 use std::collections::BTreeMap;
 
@@ -62,7 +63,8 @@ pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Opt
     (forced == system.lower.elements().len() as i64).then_some(outcome)
 }
 
-/// The states that each constraint should determine: of a time derivative those that do not occur in what it is the derivative of.
+/// The states that each constraint should determine: of a time derivative those that do not occur
+/// in what it is the derivative of.
 fn fresh_states(model: &Model, system: &System, numbers: &[usize]) -> Vec<FastSet<(VarId, i64)>> {
     let states = |i: usize| states_of(model, std::slice::from_ref(&system.nodes[i])).into_iter().collect::<FastSet<_>>();
     let before: FastMap<usize, usize> = numbers.iter().filter_map(|&i| Some((system.nodes[i].derivative?, i))).collect();
@@ -81,7 +83,8 @@ fn fresh_states(model: &Model, system: &System, numbers: &[usize]) -> Vec<FastSe
     numbers.iter().map(fresh).collect()
 }
 
-/// Takes the constraints apart that share no state: those of which a pivot could vanish are projected.
+/// Takes the constraints apart that share no state: those of which a pivot could vanish are
+/// projected.
 fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<(Settled, bool)>) -> Outcome {
     let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|(s, _)| states_of(model, std::slice::from_ref(&s.node))).collect();
     let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
@@ -141,7 +144,8 @@ fn column(model: &Model, wishes: &Wishes, var: VarId, at: Affine) -> Column {
     Column { var, at, keep: wishes.keep.get(&var).copied().unwrap_or(0), scale: scale.unwrap_or(1.0) }
 }
 
-/// Elimination with pivots chosen by the numbers at the start; with each whether its pivot could vanish.
+/// Elimination with pivots chosen by the numbers at the start; with each whether its pivot could
+/// vanish.
 fn by_numbers(
     model: &mut Model,
     (nodes, fresh): (&[Node], &[FastSet<(VarId, i64)>]),
@@ -209,7 +213,8 @@ impl Elimination {
         free.filter(|&row| size(row) > NONE).max_by(|a, b| size(*a).total_cmp(&size(*b)).then(b.cmp(a)))
     }
 
-    /// The best entry of the free rows: by wish, then one that does not vary, then by size, or of those that stay the last one.
+    /// The best entry of the free rows: by wish, then one that does not vary, then by size, or of
+    /// those that stay the last one.
     fn best(&self, columns: &[Column], varies: &FastSet<(usize, usize)>) -> Option<(usize, usize)> {
         let taken: FastSet<usize> = self.used.iter().flatten().copied().collect();
         let free = (0..self.rows.len()).filter(|&row| self.used[row].is_none());
@@ -276,7 +281,7 @@ fn by_structure(model: &mut Model, nodes: Vec<Node>, lower: &Pool, wishes: &Wish
             }
             let depth = node.extents.len();
             let slope = by_element(&mut model.exprs, depth, node.residual, (var, at));
-            // The address of a sum is no element of it.
+            // The address of a sum is not one element.
             let (varies, size) = match slope.filter(|&slope| model.exprs.as_const(slope) != Some(0.0)) {
                 Some(slope) => (!is_constant(model, slope), start.value(&mut model.exprs, slope).abs()),
                 None => (false, 1.0),
@@ -314,7 +319,8 @@ fn holds(settled: &[Settled], var: VarId, element: i64) -> bool {
     found
 }
 
-/// Lets an equation that determines a state determine an unknown of lower order instead; one pass of a loop where that is enough.
+/// Lets an equation that determines a state determine an unknown of lower order instead; one pass
+/// of a loop where that is enough.
 fn give(model: &mut Model, settled: &mut Vec<Settled>, (var, element): (VarId, i64), seen: &mut FastSet<(VarId, i64)>) -> bool {
     if !seen.insert((var, element)) {
         return false;
@@ -348,7 +354,7 @@ fn give(model: &mut Model, settled: &mut Vec<Settled>, (var, element): (VarId, i
     false
 }
 
-/// The pass of a loop that reads an element as an equation of its own; none where loops nest.
+/// The pass of a loop that reads an element as a separate equation; `None` where loops nest.
 fn alone(model: &mut Model, settled: &mut Vec<Settled>, i: usize, read: Affine, element: i64) -> Option<usize> {
     let s = settled[i].clone();
     let pass = match s.node.extents[..] {

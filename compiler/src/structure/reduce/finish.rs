@@ -78,7 +78,7 @@ fn whole_of(extents: &[u32], len: usize) -> Affine {
     at
 }
 
-/// The parts of a variable that stay states, each with a variable of its own.
+/// The parts of a variable that stay states, each with a new variable.
 fn kept_parts(model: &mut Model, var: VarId, list: Vec<Piece>, gone: &[bool]) -> Vec<Part> {
     let mut parts = Vec::new();
     for piece in list {
@@ -204,8 +204,8 @@ fn record(model: &mut Model, var: VarId, gone: &[bool], parts: &[Part]) {
     model.interface.reduction.demoted.push(demoted);
 }
 
-/// Makes a variable algebraic, but for the parts that stay states; the quantity that its unknowns have where its declaration is of some
-/// of them only.
+/// Makes a variable algebraic, but for the parts that stay states; the quantity that its unknowns
+/// have where its declaration is of some of them only.
 fn make_algebraic(model: &mut Model, var: VarId, gone: &[bool], parts: &[Part]) -> Option<Quantity> {
     model.vars[var].role = Role::Algebraic;
     let at = model.unknowns.iter().position(|other| *other == var)?;

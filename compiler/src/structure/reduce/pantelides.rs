@@ -29,7 +29,8 @@ pub(super) enum Refused {
 }
 
 impl System {
-    /// Matches the nodes without a derivative; those that found nothing, with all that their searches came to.
+    /// Matches the nodes without a derivative; those that found nothing, with all that their
+    /// searches came to.
     fn matched(&mut self, model: &Model) -> (Vec<usize>, FastSet<usize>) {
         let top: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.nodes[i].derivative.is_none()).collect();
         let in_pool = |node: &Node| {
@@ -65,7 +66,7 @@ impl System {
         all
     }
 
-    /// Differentiates what has to be until every node has unknowns of its own.
+    /// Differentiates what has to be until every node has its unknowns.
     pub(super) fn reduce(&mut self, model: &mut Model) -> Result<(), Refused> {
         loop {
             let (failed, reached) = self.matched(model);

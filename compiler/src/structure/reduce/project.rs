@@ -1,8 +1,8 @@
 //! Constraints none of whose states follows from it at all times: a pendulum's `x^2 + y^2 = l^2`.
 //!
-//! All states stay states. Off the constraints h(x) = 0 their rates lead back to them, x' = f - κ W Hᵀ (H W Hᵀ)⁻¹ h with H = ∂h/∂x, which is
-//! f on them; and at the end of each step the states are projected, by the same direction with κ = 1. What is integrated has no choice of
-//! coordinates that could become bad.
+//! All states stay states. Off the constraints h(x) = 0 their rates lead back to them:
+//! x' = f - κ W Hᵀ (H W Hᵀ)⁻¹ h with H = ∂h/∂x. At the end of each step the states are projected in
+//! the same direction. No choice of coordinates is made that could become bad.
 
 use super::demote::{Wishes, by_element};
 use super::slopes::Slopes;
@@ -138,7 +138,8 @@ fn solve(exprs: &mut Exprs, matrix: &mut [Vec<ExprId>], off: &mut [ExprId]) {
     }
 }
 
-/// Makes invariants of the constraints: the distance from each of them in the scale of the states, which starts are tested by.
+/// Makes invariants of the constraints: the distance from each of them in the scale of the states,
+/// which starts are tested by.
 fn watch(model: &mut Model, group: &Group) {
     let slopes = slopes_of(&mut model.exprs, group);
     for (node, slopes) in group.nodes.iter().zip(slopes) {

@@ -1,4 +1,5 @@
-//! Time derivatives of nodes: rates of states by their equations, rates of unknowns as unknowns of their own.
+//! Time derivatives of nodes: rates of states by their equations, rates of unknowns as further
+//! unknowns.
 
 use super::super::rates::shifted;
 use super::super::whole::placed;
@@ -62,7 +63,8 @@ impl Slopes {
         new
     }
 
-    /// Makes the rate of a state an unknown: its equations determine that one, which the state follows.
+    /// Makes the rate of a state an unknown: its equations determine that one, which the state
+    /// follows.
     pub(super) fn detach(&mut self, model: &mut Model, nodes: &mut Vec<Node>, pool: &mut Pool, state: VarId) {
         if !self.of.contains_key(&state) {
             let rate = self.variable(model, state);
@@ -122,7 +124,7 @@ impl Slopes {
         }
         let Node { extents, residual, span, order, .. } = nodes[node].clone();
         let values = |_: VarId, flavour: Flavour| (flavour == Flavour::Value).then_some(differentiate::Column { first: 0, factor: None });
-        // Each sum with a counter of its own: addresses have one meaning.
+        // Each sum has another counter: addresses have one meaning.
         let residual = differentiate::normalise(&mut model.exprs, extents.len(), residual, &values).map_err(|_| NoSlope::Form)?;
         for state in self.in_several_pieces(model, residual, &extents) {
             self.detach(model, nodes, pool, state);

@@ -1,4 +1,5 @@
-//! Numbers at the start, as far as the compiler knows them: they choose between states that a constraint could determine.
+//! Numbers at the start, as far as the compiler knows them: they choose between states that a
+//! constraint could determine.
 
 use std::hash::{Hash, Hasher};
 
@@ -70,7 +71,8 @@ impl Start {
         self.known.get(&(var, at)).copied().filter(|_| moves)
     }
 
-    /// The value of an expression in the first pass of all loops; arbitrary where something in it is not known.
+    /// The value of an expression in the first pass of all loops; arbitrary where something in it
+    /// is not known.
     pub(super) fn value(&self, exprs: &mut Exprs, e: ExprId) -> f64 {
         let zero = exprs.constant(if self.anywhere { 0.377 } else { 0.0 });
         let still = exprs.rewrite(e, &mut Rewritten::default(), &mut |_, node| (node == Expr::Time).then_some(zero));

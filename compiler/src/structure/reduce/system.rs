@@ -1,4 +1,5 @@
-//! Equations as nodes, unknowns as elements, and a matching of both in which a loop of equations is one node.
+//! Equations as nodes, unknowns as elements, and a matching of both in which a loop of equations is
+//! one node.
 
 use smpl_dsl::span::Span;
 
@@ -223,7 +224,8 @@ impl Matching {
         fits
     }
 
-    /// The nodes that hold elements of a candidate; `None` where one of these is not to be determined.
+    /// The nodes that hold elements of a candidate; `None` where one of these is not to be
+    /// determined.
     fn owners(&self, s: &Search<'_>, node: usize, (var, at): (VarId, Affine)) -> Option<Vec<usize>> {
         let (mut fits, mut owners) = (true, Vec::new());
         for_each_element(&s.nodes[node].extents, at, &mut |i| {
@@ -235,7 +237,8 @@ impl Matching {
         fits.then_some(owners)
     }
 
-    /// Finds elements for a node, other nodes giving theirs up for others; `visited` are the nodes that the search came to.
+    /// Finds elements for a node, other nodes giving theirs up for others; `visited` are the nodes
+    /// that the search came to.
     pub(super) fn augment(&mut self, s: &Search<'_>, node: usize, visited: &mut FastSet<usize>, depth: usize) -> bool {
         if depth > DEEPEST || !visited.insert(node) {
             return false;

@@ -8,8 +8,8 @@ use smpl_dsl::diagnostic::SourceMap;
 /// Most names that one line shows.
 const SHOWN: usize = 8;
 
-/// Lists the equations that were differentiated, with their lines, and the states that became algebraic; nothing where the index was not
-/// reduced.
+/// Lists the equations that were differentiated, with their lines, and the states that became
+/// algebraic; nothing where the index was not reduced.
 pub(super) fn listing(interface: &Interface, sources: &SourceMap) -> String {
     let mut text = String::new();
     let reduction = &interface.reduction;
