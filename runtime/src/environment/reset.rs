@@ -320,7 +320,9 @@ impl Environment {
                     match setup.catalogue.state(name) {
                         Some(state) => self.progress.y[state.at] = value,
                         None if setup.catalogue.solved.find(name).is_some() => {}
-                        None => drop(states.get(name, "state")?),
+                        None => {
+                            states.get(name, "state")?;
+                        }
                     }
                 }
             }
