@@ -175,13 +175,14 @@ impl CompiledModel {
         model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
     }
 
-    /// Returns `true` if a quadrature or a root function looks at algebraic unknowns, which have to
+    /// Returns `true` if a quadrature, a root function or a delay looks at algebraic unknowns, which have to
     /// be right within steps then.
     #[must_use]
     pub fn algebraic_are_watched(&self) -> bool {
         let model = &self.parts.model;
         let solved: Vec<VarId> = model.interface.quantities.solved.iter().filter_map(|quantity| quantity.var).collect();
-        let mut watching = model.quadratures.iter().copied().chain(model.roots.iter().map(|root| root.value));
+        let delayed = model.past().into_iter().map(|(value, _)| value);
+        let mut watching = model.quadratures.iter().copied().chain(model.roots.iter().map(|root| root.value)).chain(delayed);
         !solved.is_empty() && watching.any(|e| !model.exprs.loads(e, |var, _| solved.contains(&var)).is_empty())
     }
 

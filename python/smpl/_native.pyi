@@ -81,6 +81,7 @@ class Model:
     time_name: str
     time_unit: str
     explicit: bool
+    delays: list[str]
     unknowns: int
     states: int
     reward: str

@@ -90,6 +90,7 @@ class Model(Named):
         name, text: name and describing text of the model.
         time_name, time_unit: the independent variable.
         explicit: whether `rhs` is available.
+        delays: the calls of `delay` that the model reads, `delay(T, theta)`; its past is part of its state then.
         step: sampling interval in `time_unit`; called as `model.step(x, u)` it takes a control step, see `Step`.
         max_steps: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
@@ -107,6 +108,7 @@ class Model(Named):
         self.text = native.text
         self.time_name, self.time_unit = native.time_name, native.time_unit
         self.explicit = native.explicit
+        self.delays = tuple(native.delays)
         self.step, self.max_steps = Step(native.step), native.max_steps
         self.step.model = self
         self.reward, self.levels = native.reward, tuple(native.levels)

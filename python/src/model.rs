@@ -119,6 +119,12 @@ impl Model {
         self.loaded.model.explicit()
     }
 
+    /// The calls of `delay` that the model reads.
+    #[getter]
+    fn delays(&self) -> Vec<String> {
+        self.loaded.model.model().delays.iter().map(|delay| delay.name.clone()).collect()
+    }
+
     #[getter]
     fn unknowns(&self) -> usize {
         self.loaded.model.unknowns()

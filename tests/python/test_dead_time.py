@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 
 import smpl
+from smpl.controllers import OpenLoop
+from smpl.evaluation import run_episode
 
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
@@ -308,6 +311,81 @@ def test_events_on_delayed_values_are_located(method, steps):
     assert found["hit"] == pytest.approx(math.asin(0.9) + 0.3, abs=1e-6)
 
 
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "auto"])
+@pytest.mark.parametrize("steps", [1, 20])
+def test_algebraic_variables_are_delayed_as_they_were(method, steps):
+    source = """
+    model Algebraic
+    time t : s
+    state x = 1
+    state y = 0
+    var a = 0.6 in 0..5
+    eq a^3 + a = x
+    eq d/dt x = 1 / 1 [s]
+    eq d/dt y = delay(a, 0.4 [s]) / 1 [s]
+    solver { rtol = 1e-8 }
+    """
+
+    def solved(x: float) -> float:
+        return brentq(lambda a: a**3 + a - x, 0, 5, xtol=1e-14)
+
+    expected = 0.4 * solved(1.0) + quad(lambda s: solved(1 + s), 0, 1.6)[0]
+    assert final(source, 2.0, steps, method)[1] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("steps", [1, 20])
+def test_a_dead_time_that_an_event_changes_is_taken_from_then_on(method, steps):
+    source = """
+    model Held
+    time t : s
+    discrete th : s = 0.5 in 0.1..2
+    state x = 0
+    state y = 0
+    eq d/dt x = 1 / 1 [s]
+    eq d/dt y = delay(x, th) / 1 [s]
+    event later when x > 1
+    at later { next th = 0.8 }
+    solver { rtol = 1e-9 }
+    """
+    # The integrals of t - 0.5 from 0.5 to 1, and of t - 0.8 from 1 to 2.
+    assert final(source, 2.0, steps, method)[1] == pytest.approx(0.125 + 0.5 * (1.2**2 - 0.2**2), rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("steps", [1, 30])
+def test_rates_are_delayed(method, steps):
+    source = """
+    model Neutral
+    time t : s
+    state y = 1
+    eq d/dt y = -y / 1 [s] + 0.5*delay(der(y), 1 [s], before = 0)
+    solver { rtol = 1e-9 }
+    """
+    # After t = 1 the solution of y' = -y - exp(1 - t)/2.
+    assert final(source, 1.5, steps, method)[0] == pytest.approx(math.exp(-0.5) * (math.exp(-1) - 0.25), rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_updates_observations_and_rewards_read_delayed_values(method):
+    source = """
+    model Instants
+    time t : s
+    state x = 0
+    discrete d = 0
+    eq d/dt x = 1 / 1 [s]
+    at end { next d = delay(x, 0.25 [s]) }
+    observe d in -10..10, z = delay(x^2, 0.3 [s]) in -10..10
+    reward r default = integral(delay(x, 0.35 [s])) / 1 [s]
+    solver { rtol = 1e-9 }
+    """
+    env = smpl.Env(compiled(source, 0.2, 10), normalize=False, method=method)
+    env.reset(seed=0)
+    steps = [env.step(np.zeros(0)) for _ in range(10)]
+    assert steps[-1][0] == pytest.approx([1.75, 1.7**2], rel=1e-7)
+    assert sum(step[1] for step in steps) == pytest.approx(1.65**2 / 2, rel=1e-7)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_nested_delays_and_algebraic_variables_are_delayed(method):
     source = """
@@ -452,3 +530,42 @@ def test_derivatives_linearisation_and_exports_name_the_delay():
         model.linearize([1.0], [])
     with pytest.raises((ValueError, smpl.SimulationError), match=r"delay\(y, tau\)"):
         smpl.export.casadi(model)
+
+
+def test_a_rollout_from_the_present_point_takes_the_past_along():
+    env = smpl.Env(compiled(ARRAY, 0.1, 40), normalize=False)
+    env.reset(seed=1)
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 1))
+    for action in actions[:9]:
+        env.step(action)
+    found = env.rollout(actions[9:])
+    for action in actions[9:]:
+        env.step(action)
+    np.testing.assert_array_equal(found.states[0, -1], env.state)
+
+
+def test_estimators_name_the_delay():
+    model = compiled(ARRAY, 0.1, 40)
+    assert model.delays[0] == "delay(T[z], 0.3)"
+    with pytest.raises(ValueError, match=r"delay\(T\[z\], 0.3\)"):
+        smpl.controllers.ExtendedKalmanFilter(model)
+
+
+def test_a_dead_time_is_fitted():
+    source = """
+    model Process
+    time t : s
+    param K = 1 in 0.1..5
+    param theta : s = 0.6 in 0.1..2
+    action u = 0 in -5..5
+    state y = 0 in -20..20
+    eq d/dt y = (K*delay(u, theta) - y) / 1 [s]
+    observe y
+    solver { rtol = 1e-9 }
+    """
+    model = compiled(source, 0.2, 60)
+    actions = np.repeat(np.random.default_rng(2).uniform(-1, 1, 12), 5)[:, None]
+    env = smpl.Env(model, normalize=False)
+    episode = run_episode(env, OpenLoop(actions), 0, {"parameters": {"K": 2.0, "theta": 0.83}})
+    found = smpl.fit(model, episode, ["K", "theta"])
+    assert found.parameters == pytest.approx({"K": 2.0, "theta": 0.83}, rel=1e-4)

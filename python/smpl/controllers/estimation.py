@@ -23,7 +23,7 @@ from smpl.controllers.disturbances import Disturbances, drawn_parameters
 from smpl.controllers.names import weights
 from smpl.envs import Env
 from smpl.model import Model
-from smpl.support.arguments import FloatArray, as_finite, as_finite_number, as_mapping, as_number
+from smpl.support.arguments import FloatArray, as_finite, as_finite_number, as_mapping, as_number, refuse_past
 from smpl.support.names import listing
 
 # Points by states from which on threads bring more than they cost.
@@ -67,6 +67,7 @@ class Prediction:
         fixed: Mapping[str, float] | None = None,
         disturbances: Iterable[str] | None = None,
     ) -> None:
+        refuse_past(model, "an estimator")
         self.model = model
         self.fixed: dict[str, float] = dict(as_mapping("p", fixed))
         self.states = len(model.state_names)

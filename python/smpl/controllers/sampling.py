@@ -18,7 +18,7 @@ from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import operating_action
 from smpl.envs import Env
 from smpl.model import Model
-from smpl.support.arguments import FloatArray, as_count, as_number, as_numbers, check_names
+from smpl.support.arguments import FloatArray, as_count, as_number, as_numbers, check_names, refuse_past
 from smpl.support.names import listing
 
 METHODS = ("mppi", "cem")
@@ -223,6 +223,7 @@ class SamplingMPC(TakesWrapped):
         return np.where(np.isfinite(costs), costs, np.inf), failures
 
     def _from_state(self, env: Env, model: Model, state: FloatArray | None, plans: FloatArray) -> Rollout:
+        refuse_past(model, "SamplingMPC with another model, state or parameters")
         if state is None:
             by_name = dict(zip(env.state_names, env.state.tolist(), strict=True))
             state = np.array([by_name[name] for name in model.state_names])

@@ -264,3 +264,16 @@ def check_limit(max_steps: int | None) -> int | None:
     if max_steps is None:
         return None
     return as_count("max_steps", max_steps, below=COUNTS)
+
+
+def refuse_past(model: Model, what: str) -> None:
+    """Refuses a model that reads its past where only its state is known.
+
+    Raises:
+        ValueError: the model has dead times; the message names one.
+    """
+    if model.delays:
+        raise ValueError(
+            f"{what} goes on from a state, and `{model.delays[0]}` of {model.name} reads the past: use a model with a "
+            "chain of first-order lags"
+        )
