@@ -1,6 +1,7 @@
 """Models in SBML, imported, move as their equations say."""
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,40 @@ def test_the_repressilator(tmp_path, trajectory):
     expected = solved(rates, [0, 0, 0, 5, 0, 15], t)
     for name, values in zip(["m1", "m2", "m3", "p1", "p2", "p3"], expected, strict=True):
         close(found[name], values)
+
+
+DELAYED = """<?xml version="1.0" encoding="UTF-8"?>
+<sbml xmlns="http://www.sbml.org/sbml/level3/version2/core" level="3" version="2">
+  <model id="delayed">
+    <listOfParameters>
+      <parameter id="x" value="1" constant="false"/>
+      <parameter id="y" constant="false"/>
+      <parameter id="w" constant="false"/>
+    </listOfParameters>
+    <listOfRules>
+      <rateRule variable="x"><math xmlns="http://www.w3.org/1998/Math/MathML">
+        <apply><minus/><apply>DELAY<ci>x</ci><cn>1</cn></apply></apply>
+      </math></rateRule>
+      <assignmentRule variable="y"><math xmlns="http://www.w3.org/1998/Math/MathML">
+        <apply><sin/><csymbol encoding="text" definitionURL="http://www.sbml.org/sbml/symbols/time">t</csymbol></apply>
+      </math></assignmentRule>
+      <assignmentRule variable="w"><math xmlns="http://www.w3.org/1998/Math/MathML">
+        <apply>DELAY<ci>y</ci><cn>0.5</cn></apply>
+      </math></assignmentRule>
+    </listOfRules>
+  </model>
+</sbml>
+""".replace("DELAY", '<csymbol encoding="text" definitionURL="http://www.sbml.org/sbml/symbols/delay">delay</csymbol>')
+
+
+def test_a_delay_reads_the_past_and_goes_on_into_the_time_before_the_start(tmp_path, trajectory):
+    file = tmp_path / "delayed.xml"
+    file.write_text(DELAYED, encoding="utf-8")
+    t, found = trajectory(file, tmp_path, 5.0)
+    # Pieces of the method of steps: the sum of (-1)^k (t - k + 1)^k / k! as far as t - k + 1 is positive.
+    terms = [(-1) ** k * np.maximum(t - k + 1, 0) ** k / math.factorial(k) for k in range(1, 7)]
+    close(found["x"], 1 + sum(terms))
+    close(found["w"], np.sin(t - 0.5), 1e-5)
 
 
 def test_doses_are_given_when_little_is_left(tmp_path, trajectory):

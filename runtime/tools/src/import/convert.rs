@@ -80,7 +80,25 @@ pub(super) fn prepare(sbml: &mut Sbml) -> Result<(), Fault> {
         let place = places.get(id).copied().ok_or_else(|| at(0, format!("an initial assignment to the unknown symbol `{id}`")))?;
         put(place, math)?;
     }
-    Ok(())
+    check_past(sbml)
+}
+
+/// Refuses delays whose values before the start, or whose effect at the start, are not worked out.
+fn check_past(sbml: &Sbml) -> Result<(), Fault> {
+    let in_trigger = sbml.events.iter().find(|event| event.trigger.has_delay());
+    if let Some(event) = in_trigger {
+        return Err(at(event.at, "`delay` in a trigger has no counterpart".to_owned()));
+    }
+    let rules = sbml.rules.iter().map(|rule| &rule.math).chain(sbml.reactions.iter().map(|reaction| &reaction.rate));
+    let delays = rules.chain(sbml.events.iter().flat_map(|event| event.assignments.iter().map(|(.., math)| math))).any(Math::has_delay);
+    let moving = sbml.symbols.iter().find(|symbol| sbml.initial.get(&symbol.id).is_some_and(Math::is_timed));
+    match moving.filter(|_| delays) {
+        Some(symbol) => {
+            let why = format!("a delay beside the initial assignment of `{}`, which reads the time, has no counterpart", symbol.id);
+            Err(at(symbol.at, why))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The text of the model.

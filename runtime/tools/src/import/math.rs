@@ -9,6 +9,9 @@ use super::xml::{Fault, attribute, children, fault, number, tag};
 /// Elements of MathML inside one another.
 const DEEPEST: usize = 200;
 
+/// What an expression was some time ago.
+pub(super) const DELAY: &str = "delay";
+
 /// Nodes of one expression with its functions put in.
 const MOST_NODES: usize = 100_000;
 
@@ -170,7 +173,6 @@ fn symbol(node: Node<'_, '_>) -> Result<Math, Fault> {
         "time" => Ok(Math::Time),
         // The value that SBML Level 3 fixes.
         "avogadro" => Ok(Math::Number(6.022_141_79e23, None)),
-        "delay" => Err(fault(node, "`delay` has no counterpart: equations see the present only")),
         other => Err(fault(node, format!("the symbol `{other}` has no counterpart"))),
     }
 }
@@ -186,6 +188,12 @@ fn apply(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
             return match arguments(&rest)?.as_slice() {
                 [Math::Name(id)] => Ok(Math::RateOf(id.clone())),
                 _ => Err(fault(node, "`rateOf` takes one symbol")),
+            };
+        }
+        "csymbol" if attribute(head, "definitionURL").is_some_and(|url| url.ends_with("delay")) => {
+            return match arguments(&rest)? {
+                both if both.len() == 2 => Ok(Math::Apply(DELAY, both)),
+                _ => Err(fault(node, "`delay` takes an expression and a time")),
             };
         }
         "csymbol" => return symbol(head),
@@ -324,10 +332,17 @@ impl Math {
         }
     }
 
-    /// Returns true for an expression that reads the time or a rate.
+    /// Returns true for an expression that reads the time, an earlier one, or a rate.
     pub(super) fn is_timed(&self) -> bool {
-        let mut found = self.has_rates();
+        let mut found = self.has_rates() || self.has_delay();
         self.each(&mut |part| found |= *part == Math::Time);
+        found
+    }
+
+    /// Returns true for an expression that reads an earlier time.
+    pub(super) fn has_delay(&self) -> bool {
+        let mut found = false;
+        self.each(&mut |part| found |= matches!(part, Math::Apply(DELAY, _)));
         found
     }
 
@@ -445,6 +460,8 @@ fn evaluate(f: &str, x: &[f64]) -> Option<f64> {
         ("-", [a]) => -a,
         ("-", [a, b]) => a - b,
         ("/", [a, b]) => a / b,
+        // Before the start everything is as at the start.
+        (DELAY, [a, _]) => *a,
         ("^", [a, b]) => a.powf(*b),
         ("sqrt", [a]) => a.sqrt(),
         ("exp", [a]) => a.exp(),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::math::Math;
+use super::math::{DELAY, Math};
 
 /// Binding strength of an expression.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -119,6 +119,11 @@ impl Writer<'_> {
                 Ok((format!("not ({}) or ({})", self.condition(a, Level::If)?, self.condition(b, Level::If)?), Level::Or))
             }
             ("==" | "!=" | ">" | "<" | ">=" | "<=", _) => self.comparisons(f, arguments),
+            (DELAY, [x, lag]) => {
+                // Before the start species and parameters have their first values, which do not move; time goes on.
+                let still = x.map(&mut |part| Ok(if matches!(part, Math::RateOf(_)) { Math::Number(0.0, None) } else { part }))?;
+                Ok((format!("delay({}, {}, before = {})", self.text(x)?, self.text(lag)?, self.text(&still)?), Level::Atom))
+            }
             ("sec", _) => of(format!("1/cos({})", one()?)),
             ("csc", _) => of(format!("1/sin({})", one()?)),
             ("cot", _) => of(format!("1/tan({})", one()?)),
