@@ -9,7 +9,7 @@ use super::xml::{Fault, attribute, children, fault, number, tag};
 /// Elements of MathML inside one another.
 const DEEPEST: usize = 200;
 
-/// What an expression was some time ago.
+/// Name of the operator that gives an earlier value.
 pub(super) const DELAY: &str = "delay";
 
 /// Nodes of one expression with its functions put in.
