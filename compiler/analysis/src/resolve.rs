@@ -1,9 +1,11 @@
 //! Occurrences of symbols: every name of the trees with what it means.
 
+mod parts;
+
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Expect, Expr, ExprKind, File, Ident, Observation, ParameterKind, SetMembers, Statement,
-    StatementKind, Table, TableCells, TablePoints, TestStep, UnitBase, UnitExpr,
+    Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
+    TableCells, UnitBase, UnitExpr,
 };
 use smpl_dsl::units::OwnUnits;
 
@@ -161,44 +163,9 @@ impl Resolver<'_> {
             }
             StatementKind::Table(table) => self.table(table),
             StatementKind::TimeTable(table) => {
-                table.unit.iter().chain([&table.time_unit]).chain(&table.second_unit).for_each(|unit| self.unit(unit));
-                match &table.points {
-                    TablePoints::Entries(entries) => entries.iter().for_each(|(time, value)| self.exprs([time, value])),
-                    TablePoints::Grid { columns, rows } => {
-                        self.exprs(columns);
-                        rows.iter().for_each(|(first, cells)| self.exprs(std::iter::once(first).chain(cells)));
-                    }
-                    TablePoints::File { .. } => {}
-                }
+                self.table_of_quantities(table);
             }
-            StatementKind::Def { parameters, locals, body, .. } => {
-                for parameter in parameters {
-                    match &parameter.kind {
-                        ParameterKind::Value => self.local(&parameter.name, SymbolKind::Argument, None),
-                        ParameterKind::Index(set) => {
-                            self.global(set);
-                            self.local(&parameter.name, SymbolKind::Index, Some(set.text.clone()));
-                        }
-                        ParameterKind::Array(binders) => {
-                            // A set that is not declared stands for that of the argument.
-                            for set in binders.iter().map(|binder| if let BinderSet::Set(set) = &binder.over { set } else { &binder.name })
-                            {
-                                match self.out.symbols.lookup(self.within, &set.text) {
-                                    Some(symbol) => self.use_of(set.span, symbol),
-                                    None => self.local(set, SymbolKind::Argument, None),
-                                }
-                            }
-                            self.local(&parameter.name, SymbolKind::Argument, None);
-                        }
-                    }
-                }
-                for local in locals {
-                    local.unit.iter().for_each(|unit| self.unit(unit));
-                    self.expr(&local.value);
-                    self.local(&local.name, SymbolKind::Argument, None);
-                }
-                self.expr(body);
-            }
+            StatementKind::Def { parameters, locals, body, .. } => self.function(parameters, locals, body),
             StatementKind::Declare { declarations, .. } => declarations.iter().for_each(|d| self.declaration(d)),
             StatementKind::Equation { lhs, rhs, binders } => self.equation(statement.span, lhs, rhs, binders),
             StatementKind::Domain(domain) => {
@@ -323,33 +290,6 @@ impl Resolver<'_> {
             }
             StatementKind::TestStep(step) => self.test_step(step),
             _ => {}
-        }
-    }
-
-    fn test_step(&mut self, step: &TestStep) {
-        match step {
-            TestStep::Start(_) => {}
-            TestStep::Choose { word, name, option } => {
-                // A scenario is a file.
-                if word.text != "scenario" {
-                    let chosen = self.global(name);
-                    option.iter().for_each(|option| {
-                        self.member(chosen, option);
-                    });
-                }
-            }
-            TestStep::Policy(name) => {
-                self.global(name);
-            }
-            TestStep::Assign { target, value } => self.exprs([target, value]),
-            TestStep::Steps(e) | TestStep::For(e) | TestStep::Expect(Expect::Holds(e)) => {
-                self.expr(e);
-            }
-            TestStep::Expect(Expect::Within { value, tolerance, target }) => self.exprs([value, tolerance, target]),
-            TestStep::Expect(Expect::Steady(e)) => self.exprs(e),
-            TestStep::Expect(Expect::Failure(name) | Expect::Success(name)) => name.iter().for_each(|name| {
-                self.global(name);
-            }),
         }
     }
 

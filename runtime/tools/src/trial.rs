@@ -181,8 +181,7 @@ impl<'t> Trial<'t> {
             Expectation::Within { value, tolerance, target, unit } => {
                 let [value, tolerance, target] = [value, tolerance, target].map(|i| at(*i));
                 let away = (value - target).abs();
-                // What is not a number is not within a tolerance.
-                (!(away <= tolerance)).then(|| {
+                exceeds(away, tolerance).then(|| {
                     let (found, away) = (quantity(value, unit), quantity(away, &difference(unit)));
                     format!("found {found}, expected {}, {away} apart", quantity(target, unit))
                 })
@@ -202,7 +201,7 @@ impl<'t> Trial<'t> {
             Expectation::Steady { change, tolerance } => {
                 let (change, tolerance) = (at(*change), at(*tolerance));
                 let limit = Short(tolerance);
-                (!(change <= tolerance))
+                exceeds(change, tolerance)
                     .then(|| format!("a state moves by {} of its scale in a step, at most {limit} is expected", Short(change)))
             }
         };
@@ -238,6 +237,11 @@ impl<'t> Trial<'t> {
         let left = if missing == 0 { String::new() } else { format!(", {missing} before the last one of the test") };
         self.faults.push(format!("the episode ended after {steps} steps{left}: {end}"));
     }
+}
+
+/// Returns whether a number is above a limit; one that is not a number is.
+fn exceeds(x: f64, limit: f64) -> bool {
+    x > limit || x.is_nan() || limit.is_nan()
 }
 
 /// A number with its unit.

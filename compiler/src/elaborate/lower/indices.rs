@@ -178,6 +178,13 @@ pub(in crate::elaborate) fn member(l: &mut Lowering<'_, '_>, set: SetId, e: &Exp
                 let label = l.symbols.sets[*other].labels[*i].clone();
                 return l.naming().labelled(set, &label, e.span);
             }
+            // An element of a list, `for i in {D, E}`.
+            Some(Bound::Alias(inner, scope, bindings)) => {
+                let mut there = place.clone();
+                (there.scope, there.bindings) = (*scope, bindings.clone());
+                let inner = inner.clone();
+                return member(l, set, &inner, &there);
+            }
             Some(_) => {}
             None => {
                 if let Some(i) = l.symbols.sets[set].position(&name.text) {

@@ -171,9 +171,9 @@ fn coefficients(grid: &Grid, cubic: bool) -> ([[Vec<f64>; 4]; 4], [Vec<f64>; 2])
             // along the second one.
             let lines = [j, up].map(|j| piece(h, [value(i, j), value(right, j)], [along_first[j][i], along_first[j][right]]));
             let turns = [j, up].map(|j| piece(h, [along_second[i][j], along_second[right][j]], [twisted[j][i], twisted[j][right]]));
-            for p in 0..4 {
+            for (p, row) in out.iter_mut().enumerate() {
                 let powers = piece(k, [lines[0][p], lines[1][p]], [turns[0][p], turns[1][p]]);
-                powers.into_iter().enumerate().for_each(|(q, c)| out[p][q].push(c));
+                row.iter_mut().zip(powers).for_each(|(list, c)| list.push(c));
             }
         }
     }

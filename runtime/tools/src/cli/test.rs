@@ -133,7 +133,7 @@ fn junit(suites: &[Suite]) -> String {
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
     for Suite { file, outcomes, error } in suites {
         let failures = outcomes.iter().filter(|outcome| !outcome.faults.is_empty()).count();
-        let (name, seconds) = (escaped(&file.display().to_string()), outcomes.iter().map(|o| o.time.as_secs_f64()).fold(0.0, |a, b| a + b));
+        let (name, seconds) = (escaped(&file.display().to_string()), outcomes.iter().map(|o| o.time.as_secs_f64()).sum::<f64>() + 0.0);
         let (errors, tests) = (usize::from(error.is_some()), outcomes.len() + usize::from(error.is_some()));
         let _ = writeln!(
             text,
