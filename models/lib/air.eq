@@ -9,7 +9,7 @@
 # volume are per mass of dry air; the enthalpy of dry air and liquid water is zero at 0 degC.
 
 def air_saturation(T) = 610.94 [Pa]*exp(17.625*value(T, degC)/(value(T, degC) + 243.04))
-def air_humidity(p_w, p) = 0.621945*p_w/(p - p_w)
+def air_humidity(p_w, p) = 0.621945*((p_w/(p - p_w)) as [1])
 def air_vapour_pressure(w, p) = p*w/(0.621945 + w)
 def air_saturated_humidity(T, p) = air_humidity(air_saturation(T), p)
 def air_relative_humidity(T, w, p) = air_vapour_pressure(w, p)/air_saturation(T)

@@ -50,8 +50,8 @@ table over if97_terms_1 {
   34: 32.0, -41.0, -9.3537087292458e-26
 }
 
-def if97_pi1(p) = 7.1 - p/(16.53 [MPa])
-def if97_tau1(T) = 1386 [K]/T
+def if97_pi1(p) = 7.1 - (p/(16.53 [MPa])) as [1]
+def if97_tau1(T) = (1386 [K]/T) as [1]
 def if97_gamma1(pi, tau) = sum(if97_n1[k]*pi^if97_I1[k]*(tau - 1.222)^if97_J1[k] for k in if97_terms_1)
 def if97_gamma1_pi(pi, tau) = -sum(if97_n1[k]*if97_I1[k]*pi^(if97_I1[k] - 1)*(tau - 1.222)^if97_J1[k] for k in if97_terms_1)
 def if97_gamma1_tau(pi, tau) = sum(if97_n1[k]*if97_J1[k]*pi^if97_I1[k]*(tau - 1.222)^(if97_J1[k] - 1) for k in if97_terms_1)
@@ -122,8 +122,8 @@ table over if97_terms_2 {
   43: 24.0, 58.0, -9.436970724121e-7
 }
 
-def if97_pi2(p) = p/(1 [MPa])
-def if97_tau2(T) = 540 [K]/T
+def if97_pi2(p) = (p/(1 [MPa])) as [1]
+def if97_tau2(T) = (540 [K]/T) as [1]
 def if97_ideal(pi, tau) = ln(pi) + sum(if97_n0[k]*tau^if97_J0[k] for k in if97_terms_0)
 def if97_ideal_tau(tau) = sum(if97_n0[k]*if97_J0[k]*tau^(if97_J0[k] - 1) for k in if97_terms_0)
 def if97_residual(pi, tau) = sum(if97_n2[k]*pi^if97_I2[k]*(tau - 0.5)^if97_J2[k] for k in if97_terms_2)
@@ -138,14 +138,15 @@ def steam_s(p, T) = if97_R*(if97_tau2(T)*if97_gamma2_tau(if97_pi2(p), if97_tau2(
 
 # ---- Region 4: saturation ----
 
-def if97_theta(T) = T/(1 [K]) - 0.23855557567849/(T/(1 [K]) - 650.17534844798)
+def if97_kelvins(T) = (T/(1 [K])) as [1]
+def if97_theta(T) = if97_kelvins(T) - 0.23855557567849/(if97_kelvins(T) - 650.17534844798)
 def if97_A(theta) = sq(theta) + 1167.0521452767*theta - 724213.16703206
 def if97_B(theta) = -17.073846940092*sq(theta) + 12020.82470247*theta - 3232555.0322333
 def if97_C(theta) = 14.91510861353*sq(theta) - 4823.2657361591*theta + 405113.40542057
 def if97_root(a, b, c) = 2*c/(-b + sqrt(sq(b) - 4*a*c))
 def water_psat(T) = (if97_root(if97_A(if97_theta(T)), if97_B(if97_theta(T)), if97_C(if97_theta(T)))^4) as [MPa]
 
-def if97_beta(p) = (p/(1 [MPa]))^0.25
+def if97_beta(p) = if97_pi2(p)^0.25
 def if97_E(beta) = sq(beta) - 17.073846940092*beta + 14.91510861353
 def if97_F(beta) = 1167.0521452767*sq(beta) + 12020.82470247*beta - 4823.2657361591
 def if97_G(beta) = -724213.16703206*sq(beta) - 3232555.0322333*beta + 405113.40542057

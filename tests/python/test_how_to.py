@@ -1,4 +1,5 @@
-"""The how-to guides, the short tutorials, the pages for users of other tools and the page on limits run as printed.
+"""The how-to guides, the short tutorials, the pages for users of other tools,
+of the library and on limits run as printed.
 
 A section of a page, or a tutorial, is one task in a folder that holds `tank.eq` of the first page:
 
@@ -31,6 +32,7 @@ PAGES = [
     *sorted((ROOT / "docs/how-to").glob("*.md")),
     *sorted((ROOT / "docs/coming-from").glob("*.md")),
     *sorted((ROOT / "docs/tutorials").glob("*.md")),
+    ROOT / "docs/library.md",
     ROOT / "docs/limits.md",
 ]
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.S | re.M)

@@ -7,6 +7,9 @@ from scipy.integrate import quad
 
 import smpl
 
+# The library compiles without warnings.
+pytestmark = pytest.mark.filterwarnings("error::smpl.CompileWarning")
+
 HEAD = "model Point\ntime t : s\nstate rest = 0\neq d/dt rest = 0\nepisode { step = 1 [s], max_steps = 1 }\n"
 
 

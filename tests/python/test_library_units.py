@@ -9,6 +9,9 @@ from scipy.optimize import brentq
 import smpl
 from plants import difference, rest
 
+# The library compiles without warnings.
+pytestmark = pytest.mark.filterwarnings("error::smpl.CompileWarning")
+
 END = "solver { rtol = 1e-9, atol_factor = 1e-3 }\n"
 
 RECYCLE = """
