@@ -1,15 +1,17 @@
 # Vapour pressure by the equation of Antoine: log10(p/bar) = A - B/(T + C), T in K.
 #
 # Source: NIST Chemistry WebBook, SRD 69, which cites: D. R. Stull, Ind. Eng. Chem. 39 (1947) 517 (water); O. C. Bridgeman and
-# E. W. Aldrich, J. Heat Transfer 86 (1964) 279 (water near its boiling point); D. Ambrose and C. H. S. Sprake, J. Chem.
+# E. W. Aldrich, J. Heat Transfer 86 (1964) 279 (water_cold, water_hot); D. Ambrose and C. H. S. Sprake, J. Chem.
 # Thermodyn. 2 (1970) 631 (methanol, ethanol); D. Ambrose et al., J. Chem. Thermodyn. 6 (1974) 693 (acetone); C. B. Willingham
 # et al., J. Res. Natl. Bur. Stand. 35 (1945) 219 (the hydrocarbons).
+# Accuracy: 1 %, acetone 2 %, the wide row `water` 5 % near freezing and 2 % at its boiling point.
 # Range: `antoine_low` to `antoine_high`. Outside of it the equation extrapolates without a warning; a model can test it,
 # `constraint antoine_range when T < antoine_low[water]`.
 
 table over antoine_substances {
   columns: antoine_A [1], antoine_B [K], antoine_C [K], antoine_low [K], antoine_high [K]
   water:        4.6543,  1435.264, -64.848, 255.9,  373
+  water_cold:   5.40221, 1838.675, -31.737, 273,    303
   water_hot:    5.08354, 1663.125, -45.622, 344,    373
   methanol:     5.20409, 1581.341, -33.5,   288.1,  356.83
   ethanol:      5.24677, 1598.673, -46.424, 292.77, 366.63

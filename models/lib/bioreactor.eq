@@ -22,14 +22,14 @@ component Bioreactor "growth, maintenance, death and product in a mixed vessel" 
   port inlet, outlet : Stream
   state V : m^3 = 1 in 0..inf    "volume"
   state c[i in species] : amount/m^3 = 1 in 0..inf scale 1e3    "concentrations"
-  let s    : g/L            = max(c[S], 0 [g/L])
-  let mu   : 1/h            = mu_max*s/(K_S + s + i_S*sq(s))    "growth rate"
-  let r_P  : amount/(m^3 h) = (Y_PX*mu + beta)*c[X]             "formation of product"
-  let eats                  = s/(0.001*K_S + s)    # maintenance ceases without substrate
+  let s   : g/L            = max(c[S], 0 [g/L])
+  let mu  : 1/h            = mu_max*s/(K_S + s + i_S*sq(s))    "growth rate"
+  let fed                  = s/(0.001*K_S + s)    # maintenance and product cease without substrate
+  let r_P : amount/(m^3 h) = (Y_PX*mu + fed*beta)*c[X]         "formation of product"
   eq d/dt V = inlet.Q - outlet.Q
   eq d/dt c[i] = inlet.Q*(inlet.c[i] - c[i])/V
                  + (if i == X then (mu - k_d)*c[X] else 0)
-                 - (if i == S then mu*c[X]/Y_XS + eats*m_S*c[X] + r_P/Y_PS else 0)
+                 - (if i == S then mu*c[X]/Y_XS + fed*m_S*c[X] + r_P/Y_PS else 0)
                  + (if i == P then r_P else 0)    for i in species
   eq outlet.c[i] = c[i]    for i in species
   eq outlet.T    = T

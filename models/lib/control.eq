@@ -28,9 +28,9 @@ component PI "proportional and integral, with anti-windup and manual mode" {
   discrete auto   : 1 = 1    in 0..1     "automatic mode, if at least one half"
   discrete manual : 1 = 0.5  in -1..2    "output in manual mode"
   state I : 1 = 0.5 in -10..10 scale 1    "integral part"
-  let wanted : 1 = K*(setpoint - measured.y) + I    "output without limits"
-  eq output.y = if auto >= 0.5 then clip(wanted, low, high) else manual
-  eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - wanted)/T_t
+  let unlimited : 1 = K*(setpoint - measured.y) + I    "output without limits"
+  eq output.y = if auto >= 0.5 then clip(unlimited, low, high) else manual
+  eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - unlimited)/T_t
 }
 
 component PID "the same with a derivative of the filtered measurement" {
@@ -47,9 +47,9 @@ component PID "the same with a derivative of the filtered measurement" {
   discrete manual : 1 = 0.5  in -1..2    "output in manual mode"
   state I : 1 = 0.5  in -10..10  scale 1    "integral part"
   state f : 1 = 0.5  in -1..2    scale 1    "filtered measurement"
-  let slope  : 1/s = (measured.y - f)*N/T_d
-  let wanted : 1   = K*(setpoint - measured.y - T_d*slope) + I    "output without limits"
-  eq output.y = if auto >= 0.5 then clip(wanted, low, high) else manual
+  let slope     : 1/s = (measured.y - f)*N/T_d
+  let unlimited : 1   = K*(setpoint - measured.y - T_d*slope) + I    "output without limits"
+  eq output.y = if auto >= 0.5 then clip(unlimited, low, high) else manual
   eq d/dt f   = slope
-  eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - wanted)/T_t
+  eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - unlimited)/T_t
 }

@@ -1,7 +1,7 @@
 # Connectors of the library's units, and units without a reaction: tank, mixer, splitter.
 #
-# The model declares what flows: `set species = { A, B }`, and what concentrations count: `unit amount = 1 [mol]` or `unit amount =
-# 1 [g]`. Flows are by volume, densities constant; a stream goes from an outlet to one inlet (`connect a.outlet -> b.inlet`).
+# The model declares what flows, `set species = { A, B }`, and what concentrations count: `unit amount = 1 [mol]`, or 1 [g].
+# Flows are by volume, densities constant; a stream goes from an outlet to one inlet (`connect a.outlet -> b.inlet`).
 # Source: balances of total volume, species and energy of a perfectly mixed liquid.
 # Range: liquids of one density and heat capacity, flows that do not turn.
 

@@ -357,8 +357,9 @@ def culture(x, u):
     V, (X, S, P) = x[0], x[1:4]
     s = max(S, 0) / 1000
     mu = 0.4 * s / (0.1 + s + 0.05 * s**2)
-    r_P = (0.2 * mu + 0.01) * X
-    eats = mu * X / 0.5 + s / (1e-4 + s) * 0.02 * X + r_P / 0.9
+    fed = s / (1e-4 + s)
+    r_P = (0.2 * mu + fed * 0.01) * X
+    eats = mu * X / 0.5 + fed * 0.02 * X + r_P / 0.9
     slopes = [F - out, (mu - 0.01) * X - F * X / V, F * (5000 - S) / V - eats, r_P - F * P / V]
     layers, dissolved = x[4:14], x[14:].reshape(2, 10)
     inlet, h = 0.75 * X, 0.2
@@ -388,6 +389,17 @@ def test_bioreactor_and_settler_follow_their_balances():
     model = smpl.compile(source=CULTURE + END)
     actions = np.repeat([[100.0, 100.0], [200.0, 150.0], [100.0, 30.0]], 10, axis=0)
     assert difference(model, culture, rest(model), actions, 0.1) < 1e-6
+
+
+def test_batch_ends_when_the_substrate_is_used_up():
+    """Maintenance and product cease with the substrate, whose concentration stays at zero."""
+    model = smpl.compile(source=CULTURE.replace("max_steps = 100", "max_steps = 4000") + END)
+    start = rest(model)
+    start[[model.state_names.index(f"B.c[{i}]") for i in "XSP"]] = 100.0, 1000.0, 0.0
+    run = model.rollout(start, np.full((1000, 2), [0.0, 0.0]))
+    values = dict(zip(model.state_names, run.states[0, -1], strict=True))
+    assert not run.failure[0]
+    assert -1e-6 < values["B.c[S]"] < 1e-2
 
 
 def test_chemostat_rests_at_the_substrate_of_monod():
