@@ -328,6 +328,42 @@ def test_flash_column_and_tray_follow_their_balances():
     assert difference(model, right_side, rest(model), actions, 0.05) < 1e-6
 
 
+FLASH = """
+model Point
+time t : h
+set species = { a, b, c }
+table relative_volatility[species] : 1 = { a: 3, b: 2, c: 1 }
+use "lib/distillation.eq"
+param K_a = 1, K_b = 1, K_c = 1, z_a = 0.2, z_b = 0.3
+use Flash as flash
+eq flash.feed.F = 100 [kmol/h]
+eq flash.feed.x[a] = z_a
+eq flash.feed.x[b] = z_b
+eq flash.feed.x[c] = 1 - z_a - z_b
+eq flash.K[a] = K_a
+eq flash.K[b] = K_b
+eq flash.K[c] = K_c
+observe flash.share in 0..1
+state still = 0
+eq d/dt still = 0
+episode { step = 1 [h], max_steps = 2 }
+"""
+
+
+def test_flash_finds_one_or_two_phases_of_random_feeds():
+    model, random = smpl.compile(source=FLASH), np.random.default_rng(0)
+    for _ in range(100):
+        K, z = np.exp(random.normal(0, 3, 3)), random.dirichlet([0.5] * 3)
+
+        def excess(share, K=K, z=z):
+            return (z * (K - 1) / (1 + share * (K - 1))).sum()
+
+        share = 0 if excess(0) <= 0 else 1 if excess(1) >= 0 else brentq(excess, 0, 1, xtol=1e-15)
+        parameters = {"K_a": K[0], "K_b": K[1], "K_c": K[2], "z_a": z[0], "z_b": z[1]}
+        run = model.rollout([0.0], np.zeros((1, 0)), parameters=parameters)
+        assert run.observations[0, 0, 0] == pytest.approx(share, abs=1e-7), (K, z)
+
+
 CULTURE = """
 model Culture "bioreactor with a settler behind it"
 time t : h
