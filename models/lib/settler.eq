@@ -2,7 +2,7 @@
 #
 # The model declares `set species`, with `set solids` and `set solubles` its parts, and `unit amount = 1 [g]`. It sets underflow.Q.
 # Source: I. Takacs, G. G. Patry and D. Nolasco, Water Research 25 (1991) 1263; parameters of the benchmark BSM1 (J. Alex et al. 2008).
-# Range: one-dimensional settling of activated sludge without reaction; composition of the solids as in the feed.
+# Range: one-dimensional settling of activated sludge without reaction; a feed with solids, whose composition all layers have.
 
 use "lib/streams.eq"
 

@@ -3,7 +3,7 @@
 # The model declares what flows, `set species = { A, B }`, and what concentrations count: `unit amount = 1 [mol]`, or 1 [g].
 # Flows are by volume, densities constant; a stream goes from an outlet to one inlet (`connect a.outlet -> b.inlet`).
 # Source: balances of total volume, species and energy of a perfectly mixed liquid.
-# Range: liquids of one density and heat capacity, flows that do not turn.
+# Range: liquids of one density and heat capacity, flows that do not turn; a mixer needs a flow, a tank a level above zero.
 
 connector Stream { Q : m^3/h in 0..inf, c[species] : amount/m^3, T : degC }    # volume flow, concentrations, temperature
 connector Heat { T : degC, Q : kW }    # temperature of the wall, heat along the arrow
