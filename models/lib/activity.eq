@@ -14,7 +14,8 @@ def wilson(x, L_12, L_21) = -ln(x + L_12*(1 - x)) + (1 - x)*(L_12/(x + L_12*(1 -
 # L_12 from the molar volumes of the liquids and the energy a_12, all in units that fit R*T.
 def wilson_parameter(T, V_1, V_2, a_12) = V_2/V_1*exp(-a_12/(8.31446261815324 [J/(mol K)]*T))
 
-def nrtl_G(tau, alpha) = exp(-alpha*tau)
-def nrtl_own(x, tau_21, G_21) = tau_21*sq(G_21/(x + (1 - x)*G_21))
-def nrtl_other(x, tau_12, G_12) = tau_12*G_12/sq(1 - x + x*G_12)
-def nrtl(x, tau_12, tau_21, alpha) = sq(1 - x)*(nrtl_own(x, tau_21, nrtl_G(tau_21, alpha)) + nrtl_other(x, tau_12, nrtl_G(tau_12, alpha)))
+def nrtl(x, tau_12, tau_21, alpha) = {
+  let G_12 = exp(-alpha*tau_12)
+  let G_21 = exp(-alpha*tau_21)
+  sq(1 - x)*(tau_21*sq(G_21/(x + (1 - x)*G_21)) + tau_12*G_12/sq(1 - x + x*G_12))
+}

@@ -13,8 +13,10 @@ def air_humidity(p_w, p) = 0.621945*((p_w/(p - p_w)) as [1])
 def air_vapour_pressure(w, p) = p*w/(0.621945 + w)
 def air_saturated_humidity(T, p) = air_humidity(air_saturation(T), p)
 def air_relative_humidity(T, w, p) = air_vapour_pressure(w, p)/air_saturation(T)
-def air_log(p_w) = ln(p_w/(610.94 [Pa]))
-def air_dew_point(w, p) = celsius((243.04*air_log(air_vapour_pressure(w, p))/(17.625 - air_log(air_vapour_pressure(w, p))) + 273.15) as [K])
+def air_dew_point(w, p) = {
+  let log_p = ln(air_vapour_pressure(w, p)/(610.94 [Pa]))
+  celsius((243.04*log_p/(17.625 - log_p) + 273.15) as [K])
+}
 def air_enthalpy(T, w) = (1.006*value(T, degC) + w*(2501 + 1.86*value(T, degC))) as [kJ/kg]
 def air_volume(T, w, p) = 287.042 [J/(kg K)]*kelvin(T)*(1 + 1.607858*w)/p
 

@@ -25,6 +25,6 @@ table over antoine_substances {
   octane:       4.04867, 1355.126, -63.633, 326.08, 399.72
 }
 
-# Vapour pressure, and boiling temperature in K: `antoine(kelvin(T), antoine_A[water], antoine_B[water], antoine_C[water])`.
-def antoine(T, A, B, C) = (10^(A - B/(T + C))) as [bar]
-def antoine_boiling(p, A, B, C) = B/(A - log10(p/(1 [bar]))) - C
+# Vapour pressure, and boiling temperature in K: `antoine(water, kelvin(T))`, `antoine_boiling(water, 1 [atm])`.
+def antoine(i in antoine_substances, T) = (10^(antoine_A[i] - antoine_B[i]/(T + antoine_C[i]))) as [bar]
+def antoine_boiling(i in antoine_substances, p) = antoine_B[i]/(antoine_A[i] - log10(p/(1 [bar]))) - antoine_C[i]

@@ -33,23 +33,12 @@ component PI "proportional and integral, with anti-windup and manual mode" {
   eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - unlimited)/T_t
 }
 
-component PID "the same with a derivative of the filtered measurement" {
-  param K    : 1 = 1                           "gain"
-  param T_i  : s = 60             in 0..inf    "integral time"
-  param T_d  : s = 10             in 0..inf    "derivative time"
-  param N    : 1 = 10             in 0..inf    "derivative time over the time constant of its filter"
-  param T_t  : s = sqrt(T_i*T_d)  in 0..inf    "tracking time"
-  param low  : 1 = 0                           "lowest output"
-  param high : 1 = 1                           "highest output"
-  port measured, output : Signal
-  var setpoint : 1 = 0.5
-  discrete auto   : 1 = 1    in 0..1     "automatic mode, if at least one half"
-  discrete manual : 1 = 0.5  in -1..2    "output in manual mode"
-  state I : 1 = 0.5  in -10..10  scale 1    "integral part"
-  state f : 1 = 0.5  in -1..2    scale 1    "filtered measurement"
+component PID extends PI {
+  param T_d : s = 10             in 0..inf    "derivative time"
+  param N   : 1 = 10             in 0..inf    "derivative time over the time constant of its filter"
+  param T_t : s = sqrt(T_i*T_d)  in 0..inf    "tracking time"
+  state f : 1 = 0.5 in -1..2 scale 1    "filtered measurement"
   let slope     : 1/s = (measured.y - f)*N/T_d
   let unlimited : 1   = K*(setpoint - measured.y - T_d*slope) + I    "output without limits"
-  eq output.y = if auto >= 0.5 then clip(unlimited, low, high) else manual
-  eq d/dt f   = slope
-  eq d/dt I   = K*(setpoint - measured.y)/T_i + (output.y - unlimited)/T_t
+  eq d/dt f = slope
 }

@@ -23,8 +23,6 @@ component Pump "centrifugal pump: head falls with the square of the flow, both s
   eq outlet.T    = inlet.T
 }
 
-def valve_drop(Q, K_v, opening, density) = density*sq(Q/(K_v*opening))*1 [bar]
-
 component LinearValve "flow in proportion to the opening" {
   param K_v     : m^3/h = 10    in 0..inf    "flow of water at 1 bar, fully open"
   param density : 1     = 1     in 0..inf    "density over that of water"
@@ -32,21 +30,15 @@ component LinearValve "flow in proportion to the opening" {
   port inlet, outlet : Stream
   port opening : Signal
   var dp : bar = 1 in 0..inf    "pressure drop"
-  eq dp          = valve_drop(inlet.Q, K_v, max(opening.y, leak), density)
+  let share : 1 = max(opening.y, leak)    "share of K_v"
+  eq dp          = density*sq(inlet.Q/(K_v*share))*1 [bar]
   eq outlet.Q    = inlet.Q
   eq outlet.c[i] = inlet.c[i]    for i in species
   eq outlet.T    = inlet.T
 }
 
-component EqualPercentageValve "each step of the opening changes the flow by the same share" {
-  param K_v     : m^3/h = 10  in 0..inf    "flow of water at 1 bar, fully open"
-  param density : 1     = 1   in 0..inf    "density over that of water"
-  param range   : 1     = 50  in 1..inf    "rangeability: K_v over that of the closed valve"
-  port inlet, outlet : Stream
-  port opening : Signal
-  var dp : bar = 1 in 0..inf    "pressure drop"
-  eq dp          = valve_drop(inlet.Q, K_v, range^(opening.y - 1), density)
-  eq outlet.Q    = inlet.Q
-  eq outlet.c[i] = inlet.c[i]    for i in species
-  eq outlet.T    = inlet.T
+# Each step of the opening changes the flow by the same share.
+component EqualPercentageValve extends LinearValve {
+  param range : 1 = 50 in 1..inf    "rangeability: K_v over that of the closed valve"
+  let share : 1 = range^(opening.y - 1)    "share of K_v"
 }

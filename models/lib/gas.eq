@@ -19,18 +19,18 @@ table over shomate_gases {
   CO:     25.56759,  6.09613,    4.054656,  -2.671301, 0.131021,  -118.0089, 227.3665,   298, 1300
 }
 
-def kilokelvin(T) = T/(1000 [K])
-def shomate_heat_capacity(t, A, B, C, D, E) = (A + B*t + C*t^2 + D*t^3 + E/t^2) as [J/(mol K)]
-def shomate_enthalpy(t, A, B, C, D, E, F) = (A*t + B*t^2/2 + C*t^3/3 + D*t^4/4 - E/t + F) as [kJ/mol]
-def shomate_entropy(t, A, B, C, D, E, G) = (A*ln(t) + B*t + C*t^2/2 + D*t^3/3 - E/(2*t^2) + G) as [J/(mol K)]
-
-# Of a gas whose coefficients are the row `i`, write the columns: shomate_heat_capacity(kilokelvin(T), shomate_A[i], ...).
-component Gases "properties of every gas of the table at one temperature, at 1 bar" {
-  var T : K
-  let t = kilokelvin(T)
-  let cp[i in shomate_gases] : J/(mol K) = shomate_heat_capacity(t, shomate_A[i], shomate_B[i], shomate_C[i], shomate_D[i], shomate_E[i])    "heat capacity"
-  let h[i in shomate_gases]  : kJ/mol    = shomate_enthalpy(t, shomate_A[i], shomate_B[i], shomate_C[i], shomate_D[i], shomate_E[i], shomate_F[i])    "enthalpy, with that of formation"
-  let s[i in shomate_gases]  : J/(mol K) = shomate_entropy(t, shomate_A[i], shomate_B[i], shomate_C[i], shomate_D[i], shomate_E[i], shomate_G[i])    "entropy"
+# Heat capacity, enthalpy and entropy at 1 bar: `shomate_enthalpy(CO2, kelvin(T))`.
+def shomate_heat_capacity(i in shomate_gases, T) = {
+  let t = (T/(1000 [K])) as [1]
+  (shomate_A[i] + shomate_B[i]*t + shomate_C[i]*t^2 + shomate_D[i]*t^3 + shomate_E[i]/t^2) as [J/(mol K)]
+}
+def shomate_enthalpy(i in shomate_gases, T) = {
+  let t = (T/(1000 [K])) as [1]
+  (shomate_A[i]*t + shomate_B[i]*t^2/2 + shomate_C[i]*t^3/3 + shomate_D[i]*t^4/4 - shomate_E[i]/t + shomate_F[i]) as [kJ/mol]
+}
+def shomate_entropy(i in shomate_gases, T) = {
+  let t = (T/(1000 [K])) as [1]
+  (shomate_A[i]*ln(t) + shomate_B[i]*t + shomate_C[i]*t^2/2 + shomate_D[i]*t^3/3 - shomate_E[i]/(2*t^2) + shomate_G[i]) as [J/(mol K)]
 }
 
 def ideal_gas_pressure(n, T, V) = n*R_gas*T/V

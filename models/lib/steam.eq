@@ -58,7 +58,11 @@ def if97_gamma1_tau(pi, tau) = sum(if97_n1[k]*if97_J1[k]*pi^if97_I1[k]*(tau - 1.
 
 def water_v(p, T) = if97_R*T/(16.53 [MPa])*if97_gamma1_pi(if97_pi1(p), if97_tau1(T))
 def water_h(p, T) = if97_R*(1386 [K])*if97_gamma1_tau(if97_pi1(p), if97_tau1(T))
-def water_s(p, T) = if97_R*(if97_tau1(T)*if97_gamma1_tau(if97_pi1(p), if97_tau1(T)) - if97_gamma1(if97_pi1(p), if97_tau1(T)))
+def water_s(p, T) = {
+  let pi_1 = if97_pi1(p)
+  let tau = if97_tau1(T)
+  if97_R*(tau*if97_gamma1_tau(pi_1, tau) - if97_gamma1(pi_1, tau))
+}
 
 # ---- Region 2: vapour, an ideal gas and a residual part ----
 
@@ -133,23 +137,29 @@ def if97_gamma2_tau(pi, tau) = if97_ideal_tau(tau) + if97_residual_tau(pi, tau)
 
 def steam_v(p, T) = if97_R*T/p*(1 + if97_pi2(p)*if97_residual_pi(if97_pi2(p), if97_tau2(T)))
 def steam_h(p, T) = if97_R*(540 [K])*if97_gamma2_tau(if97_pi2(p), if97_tau2(T))
-def steam_s(p, T) = if97_R*(if97_tau2(T)*if97_gamma2_tau(if97_pi2(p), if97_tau2(T))
-                            - if97_ideal(if97_pi2(p), if97_tau2(T)) - if97_residual(if97_pi2(p), if97_tau2(T)))
+def steam_s(p, T) = {
+  let pi_2 = if97_pi2(p)
+  let tau = if97_tau2(T)
+  if97_R*(tau*if97_gamma2_tau(pi_2, tau) - if97_ideal(pi_2, tau) - if97_residual(pi_2, tau))
+}
 
 # ---- Region 4: saturation ----
 
-def if97_kelvins(T) = (T/(1 [K])) as [1]
-def if97_theta(T) = if97_kelvins(T) - 0.23855557567849/(if97_kelvins(T) - 650.17534844798)
-def if97_A(theta) = sq(theta) + 1167.0521452767*theta - 724213.16703206
-def if97_B(theta) = -17.073846940092*sq(theta) + 12020.82470247*theta - 3232555.0322333
-def if97_C(theta) = 14.91510861353*sq(theta) - 4823.2657361591*theta + 405113.40542057
-def if97_root(a, b, c) = 2*c/(-b + sqrt(sq(b) - 4*a*c))
-def water_psat(T) = (if97_root(if97_A(if97_theta(T)), if97_B(if97_theta(T)), if97_C(if97_theta(T)))^4) as [MPa]
+def water_psat(T) = {
+  let k = (T/(1 [K])) as [1]
+  let theta = k - 0.23855557567849/(k - 650.17534844798)
+  let A = sq(theta) + 1167.0521452767*theta - 724213.16703206
+  let B = -17.073846940092*sq(theta) + 12020.82470247*theta - 3232555.0322333
+  let C = 14.91510861353*sq(theta) - 4823.2657361591*theta + 405113.40542057
+  ((2*C/(-B + sqrt(sq(B) - 4*A*C)))^4) as [MPa]
+}
 
-def if97_beta(p) = if97_pi2(p)^0.25
-def if97_E(beta) = sq(beta) - 17.073846940092*beta + 14.91510861353
-def if97_F(beta) = 1167.0521452767*sq(beta) + 12020.82470247*beta - 4823.2657361591
-def if97_G(beta) = -724213.16703206*sq(beta) - 3232555.0322333*beta + 405113.40542057
-def if97_D(beta) = 2*if97_G(beta)/(-if97_F(beta) - sqrt(sq(if97_F(beta)) - 4*if97_E(beta)*if97_G(beta)))
-def if97_T(d) = (650.17534844798 + d - sqrt(sq(650.17534844798 + d) - 4*(-0.23855557567849 + 650.17534844798*d)))/2
-def water_Tsat(p) = if97_T(if97_D(if97_beta(p))) as [K]
+def water_Tsat(p) = {
+  let beta = if97_pi2(p)^0.25
+  let E = sq(beta) - 17.073846940092*beta + 14.91510861353
+  let F = 1167.0521452767*sq(beta) + 12020.82470247*beta - 4823.2657361591
+  let G = -724213.16703206*sq(beta) - 3232555.0322333*beta + 405113.40542057
+  let D = 2*G/(-F - sqrt(sq(F) - 4*E*G))
+  let s = 650.17534844798 + D
+  ((s - sqrt(sq(s) - 4*(-0.23855557567849 + 650.17534844798*D)))/2) as [K]
+}
