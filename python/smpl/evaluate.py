@@ -25,7 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--policy", action="append", metavar="FILE", help="a learned policy: PPO:FILE.zip, FILE.d3, FILE.pt"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write report.json, report.md and report.html there")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write report.json, report.md, report.html and result.json there"
+    )
     parser.add_argument("--workers", type=int, metavar="W", help="threads or processes; default: all processors")
     add_ray(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -91,6 +93,10 @@ def _evaluate(given: argparse.Namespace) -> int:
         **environment(given),
     )
     report = content(plan, scores) if given.out is None else write(given.out, replace(plan), scores)
+    if given.out is not None:
+        from smpl.deploy.results import record
+
+        record(given.out, given.env, environment(given), given.starts, plan, scores)
     print(text_table(table(report)))
     return 0
 

@@ -11,7 +11,12 @@ from smpl import _native
 from smpl.support.foreign import check
 
 # Commands of this package, with the modules that run them; the compiled command has the others.
-COMMANDS = {"fit": "smpl.commands.fit", "export-policy": "smpl.deploy.export_command"}
+COMMANDS = {
+    "fit": "smpl.commands.fit",
+    "export-policy": "smpl.deploy.export_command",
+    "serve": "smpl.deploy.serve_command",
+    "verify": "smpl.deploy.verify_command",
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
