@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
@@ -22,6 +22,10 @@ from smpl.support.scaling import from_unit, to_unit
 from smpl.support.seeds import check_seed, native_seed
 
 Observation = npt.NDArray[np.float32]
+
+
+class ResetNeeded(gymnasium.error.ResetNeeded, _native.SimulationError):
+    """A step without a running episode: Gymnasium's own error, and a `SimulationError`."""
 
 
 class Interface(Named):
@@ -129,6 +133,10 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         if render_mode is not None:
             self._history = History(self)
 
+    def __repr__(self) -> str:
+        scaled = "" if self.normalize else ", normalize=False"
+        return f"<smpl.Env {self.model.name}: level {self.model.level!r}, reward {self.model.reward!r}{scaled}>"
+
     # Gymnasium's interface.
 
     def reset(
@@ -163,11 +171,15 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
         Raises:
             ValueError: the action has a wrong shape or is NaN; nothing is stepped then.
+            gymnasium.error.ResetNeeded: the episode is over, or has not begun.
         """
         try:
-            result = self._native.step(action)
-        except TypeError:  # no plain vector of doubles: nothing was stepped
-            result = self._native.step(as_vector("action", action, len(self.action_low)))
+            try:
+                result = self._native.step(action)
+            except TypeError:  # no plain vector of doubles: nothing was stepped
+                result = self._native.step(as_vector("action", action, len(self.action_low)))
+        except _native.SimulationError as error:
+            raise_ended(error)
         self._returned = result[0]
         if self._history is not None:
             self._history.add(result)
@@ -386,6 +398,13 @@ def choose_model(
         if value != default
     }
     return model.variant_of(**changes) if changes else model
+
+
+def raise_ended(error: _native.SimulationError) -> NoReturn:
+    """Raise the error of a step, as `ResetNeeded` if no episode runs."""
+    if "the episode is over" in str(error):
+        raise ResetNeeded(str(error)) from None
+    raise error
 
 
 def _box(low: FloatArray, high: FloatArray, normalize: bool) -> Box:

@@ -128,7 +128,11 @@ class Model(Named):
         return self.native.level
 
     def __repr__(self) -> str:
-        return f"<smpl.Model {self.name}: {len(self.state_names)} states, {len(self.action_names)} actions>"
+        plain = {"observation": "default"}
+        given = {name: value for name, value in _portable(self._arguments).items() if name not in ("path", "source")}
+        chosen = [f", {name}={shorten(value)}" for name, value in given.items() if value and value != plain.get(name)]
+        sizes = f"{len(self.state_names)} states, {len(self.action_names)} actions"
+        return f"<smpl.Model {self.name}: {sizes}{''.join(chosen)}>"
 
     def picture(self, show: str | Sequence[str] = ()) -> _native.Picture:
         """An episode with the nominal policy, at most 200 steps of it, as `smpl simulate --plot` draws it.

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gymnasium.vector.utils import batch_space
 
 from smpl import _native
-from smpl.envs import Env, Interface, Observation, choose_model
+from smpl.envs import Env, Interface, Observation, choose_model, raise_ended
 from smpl.model import Model, Setting
 from smpl.support.arguments import (
     COUNTS,
@@ -143,13 +143,16 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
         Raises:
             ValueError: wrong shape or a NaN action; nothing is stepped then.
-            SimulationError: with autoreset disabled, a sub-environment that has ended was not reset.
+            gymnasium.error.ResetNeeded: with autoreset disabled, a sub-environment that has ended was not reset.
         """
         expected = (self.num_envs, len(self.action_names))
         values = as_numbers("actions", actions, str(expected))
         if values.shape != expected:
             raise ValueError(f"actions has shape {values.shape}, expected {expected}")
-        observations, rewards, terminated, truncated, info, final = self._native.step(values)
+        try:
+            observations, rewards, terminated, truncated, info, final = self._native.step(values)
+        except _native.SimulationError as error:
+            raise_ended(error)
         infos = self._infos(info, np.ones((self._mask_count, self.num_envs), dtype=np.bool_))
         if final is not None:
             infos.update(self._final(*final))

@@ -14,7 +14,7 @@ from smpl.support.foreign import check
 COMMANDS = {
     "fit": "smpl.commands.fit",
     "export-policy": "smpl.deploy.export_command",
-    "serve": "smpl.deploy.serve_command",
+    "serve": "smpl.serve",
     "verify": "smpl.deploy.verify_command",
 }
 

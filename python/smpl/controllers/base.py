@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Callable, Iterable
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import gymnasium
@@ -14,11 +16,13 @@ from smpl._native import SimulationError
 from smpl.controllers.identity import Recorded
 from smpl.envs import Env
 from smpl.policies import Rows
-from smpl.support.arguments import FloatArray, as_count, as_vector, check_names
+from smpl.support.arguments import FloatArray, as_count, as_vector, check_names, shorten
 from smpl.support.seeds import native_seed
 
 # Attribute of a controller that was reset.
 BEGUN = "_begun"
+# Attribute with the texts of a controller's arguments, for its `repr`.
+SHOWN = "_shown"
 
 
 @runtime_checkable
@@ -46,9 +50,60 @@ class TakesWrapped(Recorded):
         super().__init_subclass__(**kwargs)
         if needs_reset is not None:
             cls._needs_reset = needs_reset
-        wrappers = {"__init__": _beneath, "reset": _beginning, "action": _begun}
+        wrappers = {"__init__": _made, "reset": _beginning, "action": _begun}
         for name in wrappers.keys() & vars(cls).keys():
             setattr(cls, name, wrappers[name](vars(cls)[name]))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(getattr(self, SHOWN, ()))})"
+
+
+def _made(method: Callable[..., Any]) -> Callable[..., Any]:
+    """An `__init__` that sees environments without wrappers, and keeps the texts of its arguments for `repr`."""
+    inner, signature = _beneath(method), inspect.signature(method)
+
+    @functools.wraps(method)
+    def making(self: Any, *given: Any, **named: Any) -> Any:
+        _check_keywords(self, signature, named)
+        if not hasattr(self, SHOWN):  # a subclass has its own arguments
+            with contextlib.suppress(TypeError):  # the call tells what is wrong with them
+                bound = signature.bind(self, *given, **named)
+                setattr(self, SHOWN, tuple(_texts(signature, bound.arguments)))
+        return inner(self, *given, **named)
+
+    return making
+
+
+def _check_keywords(controller: Any, signature: inspect.Signature, named: Mapping[str, Any]) -> None:
+    """Refuse keyword arguments that a controller does not have.
+
+    Raises:
+        TypeError: lists those that there are; for a name of another package the right one.
+    """
+    known = list(signature.parameters.values())[1:]
+    if any(one.kind is one.VAR_KEYWORD for one in known):
+        return
+    names = [one.name for one in known if one.kind is not one.VAR_POSITIONAL]
+    for name in named:
+        if name not in names:
+            who = type(controller).__name__
+            other = getattr(controller, "FOREIGN", {}).get(name)
+            hint = f"; do-mpc's {name} is {other}" if other else ""
+            raise TypeError(f"{who} has no argument {name!r}{hint}; there are: {', '.join(names)}")
+
+
+def _texts(signature: inspect.Signature, arguments: Mapping[str, Any]) -> Iterator[str]:
+    """Arguments without the first, in the order of the call, as a call would have them."""
+    for name, value in list(arguments.items())[1:]:
+        parameter = signature.parameters[name]
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            yield from (shorten(one) for one in value)
+        elif parameter.kind is parameter.VAR_KEYWORD:
+            yield from (f"{key}={shorten(one)}" for key, one in value.items())
+        elif parameter.kind is parameter.KEYWORD_ONLY or parameter.default is not parameter.empty:
+            yield f"{name}={shorten(value)}"
+        else:
+            yield shorten(value)
 
 
 def _beneath(method: Callable[..., Any]) -> Callable[..., Any]:
