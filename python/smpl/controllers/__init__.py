@@ -15,6 +15,7 @@ from smpl.controllers.moving_horizon import MovingHorizonEstimator
 from smpl.controllers.nmpc import NMPC
 from smpl.controllers.pid import PID, Cascade, Loops
 from smpl.controllers.reactor import Proportional
+from smpl.controllers.safety import SafetyFilter
 from smpl.controllers.sampling import SamplingMPC
 from smpl.policies import as_policy
 
@@ -39,6 +40,7 @@ __all__ = [
     "Profile",
     "Proportional",
     "Recorded",
+    "SafetyFilter",
     "SamplingMPC",
     "Uniform",
     "baseline",
