@@ -11,7 +11,6 @@ mod excerpt;
 mod excursion;
 mod explain;
 mod export;
-mod fit;
 mod import;
 mod lint;
 mod live;
@@ -19,6 +18,7 @@ mod lsp;
 mod new;
 mod outputs;
 mod plot;
+mod python;
 mod reduction;
 mod report;
 mod runs;
@@ -80,7 +80,16 @@ enum Command {
     Test(test::TestArguments),
     /// Find parameters from recorded runs (by the Python package)
     #[command(disable_help_flag = true)]
-    Fit(fit::FitArguments),
+    Fit(python::PythonArguments),
+    /// Write a controller or policy as C, ONNX or FMU (by the Python package)
+    #[command(disable_help_flag = true)]
+    ExportPolicy(python::PythonArguments),
+    /// Replay the episodes of a result and compare the scores (by the Python package)
+    #[command(disable_help_flag = true)]
+    Verify(python::PythonArguments),
+    /// Serve a plant over OPC UA (by the Python package)
+    #[command(disable_help_flag = true)]
+    Serve(python::PythonArguments),
     /// Write a model in the form of another tool
     Export(export::ExportArguments),
     /// Write a model of another tool (SBML) as text
@@ -194,7 +203,10 @@ fn dispatch(command: Command) -> Result<(), Failed> {
         Command::Steady(arguments) => steady::run(&arguments),
         Command::Lint(arguments) => lint::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
-        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Fit(arguments) => python::run(python::FIT, &arguments),
+        Command::ExportPolicy(arguments) => python::run(python::EXPORT_POLICY, &arguments),
+        Command::Verify(arguments) => python::run(python::VERIFY, &arguments),
+        Command::Serve(arguments) => python::run(python::SERVE, &arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Fmt(arguments) => document::format(&arguments),

@@ -480,6 +480,17 @@ fn fitting_without_the_python_package_says_what_is_missing() {
     }
 }
 
+#[test]
+fn commands_of_the_python_package_name_it_where_it_is_missing() {
+    for name in ["export-policy", "verify", "serve"] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
+        let output = command.env("SMPL_PYTHON", "/nowhere/python").args([name, "reactor", "--help"]).output().expect("smpl runs");
+        assert_eq!(status(&output), 1, "{}", text(&output.stdout));
+        let said = text(&output.stderr);
+        assert!(said.contains(&format!("smpl {name} is done by the Python package")) && said.contains("/nowhere/python"), "{said}");
+    }
+}
+
 /// x' + y' = u - x and x' - y' = 3 at x = u: x' = 1.5, y' = -1.5.
 #[test]
 fn coupled_rates_of_held_states_are_solved_for() {
