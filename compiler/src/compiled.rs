@@ -175,8 +175,8 @@ impl CompiledModel {
         model.quadratures.iter().any(|&integrand| model.exprs.has_derivative(integrand))
     }
 
-    /// Returns `true` if a quadrature, a root function or a delay looks at algebraic unknowns, which have to
-    /// be right within steps then.
+    /// Returns `true` if a quadrature, a root function or a delay reads algebraic unknowns, so that
+    /// these have to be right within steps.
     #[must_use]
     pub fn algebraic_are_watched(&self) -> bool {
         let model = &self.parts.model;

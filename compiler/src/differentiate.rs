@@ -140,7 +140,8 @@ pub(crate) fn total(exprs: &mut Exprs, depth: usize, value: ExprId, rate_of: &Ra
     Ok(first.unwrap_or_else(|| exprs.constant(0.0)))
 }
 
-/// Returns `true` if time occurs in a reduction that is no sum: its derivative needs counters that [`normalise`] keeps free for the columns of a matrix only.
+/// Returns `true` if time occurs in a reduction that is not a sum: its derivative needs counters
+/// that [`normalise`] keeps free for the columns of a matrix only.
 fn reduces_time(exprs: &Exprs, rows: &[Rows]) -> bool {
     let (mut seen, mut stack) = (FastSet::default(), vec![]);
     stack.extend(rows.iter().map(|row| (row.value, false)));

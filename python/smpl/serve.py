@@ -1,4 +1,4 @@
-"""`smpl serve FILE.eq --opcua`: a plant that runs in real time or faster behind OPC UA (extra `opcua`).
+"""`smpl serve FILE.eq --opcua`: a plant in real time or faster behind OPC UA (extra `opcua`).
 
 Tags below `Objects/Plant`: `Actions` (writable, within their limits), `Observations`, `States` and `Status`
 (read-only), with unit and range; `Alarms` is true while a limit is violated. Methods: `Start`, `Stop`, `Reset(seed)`,
@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from smpl._arguments import COUNTS, FloatArray, as_finite_number
-from smpl._optional import load
 from smpl.collect import add_problem, environment, guarded, once
 from smpl.envs import Env
 from smpl.learning.plan import Task
+from smpl.support.arguments import COUNTS, FloatArray, as_finite_number
+from smpl.support.optional import load
 
 NAMESPACE = "urn:smpl:plant"
 # Values of a tag that its history keeps, and for how long.
@@ -202,7 +202,7 @@ class OpcUaServer:
             self._tags[name].append(node)
 
     def _setter(self, at: int, low: float, high: float) -> Any:
-        """What takes the values that clients write to an action: within its limits."""
+        """Setter of an action that clients write: values within its limits."""
         errors = self._package.ua.uaerrors
 
         def write(node: Any, attribute: Any, value: Any) -> None:
@@ -274,7 +274,7 @@ class OpcUaServer:
         return self._package.ua.QualifiedName(name, self._index)
 
     async def _run(self) -> None:
-        """Step at each sampling instant while the plant runs; an instant that is late is not skipped."""
+        """Step at each sampling instant while the plant runs; late instants are not skipped."""
         while True:
             if not self.plant.running:
                 await asyncio.sleep(0.02)

@@ -75,7 +75,7 @@ pub(crate) fn solve(system: &mut CompiledSystem, context: Context<'_>, sought: S
     };
     let mut pace = Pace::default();
     let whole = Block { rows: (0..problem.len()).collect(), unknowns: (0..problem.len()).collect() };
-    if Search::new(&mut problem, &whole, &mut pace).from_guess(y) {
+    if Search::new(&mut problem, &whole, &mut pace).guessed(y) {
         return Ok(());
     }
     y.copy_from_slice(&guess);

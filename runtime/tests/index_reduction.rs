@@ -449,9 +449,8 @@ impl Constrained {
             system.swap(k, pivot);
             for i in (0..m).filter(|&i| i != k) {
                 let factor = system[i][k] / system[k][k];
-                for j in k..=m {
-                    system[i][j] -= factor * system[k][j];
-                }
+                let row = system[k].clone();
+                system[i].iter_mut().zip(row).skip(k).for_each(|(x, y)| *x -= factor * y);
             }
         }
         let z: Vec<f64> = (0..m).map(|k| system[k][m] / system[k][k]).collect();

@@ -242,7 +242,7 @@ def test_a_pid_in_another_process_regulates_the_reactor(tmp_path):
 
 
 def test_the_command_prints_its_address_and_refuses_what_it_cannot_do(capsys):
-    from smpl._cli import main
+    from smpl.commands.main import main
 
     process = subprocess.Popen(
         [sys.executable, "-m", "smpl", "serve", "reactor", "--opcua", "--port", "0"], stdout=subprocess.PIPE, text=True

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import smpl
-from smpl._cli import main
+from smpl.commands.main import main
 from smpl.deploy import export_policy
 from smpl.evaluate import main as evaluate
 

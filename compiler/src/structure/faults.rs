@@ -70,7 +70,7 @@ pub(super) fn faults(model: &Model, found: &Findings<'_>) -> Faults {
     faults
 }
 
-/// An equation whose unknowns, if it has any, are determined by others; the elements of one statement.
+/// An equation whose unknowns, if any, are determined by others; the elements of one statement.
 fn without_unknown(model: &Model, found: &Findings<'_>, alike: &[&LeftOver]) -> Diagnostic {
     let LeftOver { span, residual, written_for, .. } = alike[0];
     let more = if alike.len() > 1 { format!(" (and {} more of its elements)", alike.len() - 1) } else { String::new() };
@@ -181,7 +181,8 @@ fn given(model: &Model, residual: ExprId, span: Span) -> Option<Diagnostic> {
     Some(d.secondary(v.span, "declared here").help(help))
 }
 
-/// One report for each variable, however many of its elements are undetermined, and one for all ports that lack a connection.
+/// One report for each variable, however many of its elements are undetermined, and one for all
+/// ports that lack a connection.
 fn undetermined(model: &Model, found: &Findings<'_>) -> Faults {
     let mut out = Faults::default();
     let mut ports: Vec<(String, Vec<String>, Span)> = Vec::new();

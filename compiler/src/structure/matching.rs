@@ -329,8 +329,8 @@ fn incidence(model: &Model, e: ExprId) -> Vec<Element> {
         .collect()
 }
 
-/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become variables
-/// of their own. `helpers` are quantities of unknowns that are no outputs.
+/// Adds the solved algebraic variables to the unknowns. Single elements of arrays become separate
+/// variables. `helpers` are quantities of unknowns that are not outputs.
 fn complete(model: &mut Model, mut rows: Vec<Row>, helpers: &[Quantity]) -> Vec<Row> {
     // How much of each algebraic variable is solved for, and where.
     let mut parts: BTreeMap<VarId, (i64, Vec<i64>)> = BTreeMap::new();

@@ -199,8 +199,9 @@ impl Resolver {
     }
 }
 
-/// At which passes a piece stands for the element `at`: none where it is the same loop, one a loop for a single element inside it. A loop
-/// that is shifted against the piece is refused: its ends would belong to other equations.
+/// Passes at which a piece determines the element `at`: none where it is the same loop, one a loop
+/// for a single element inside it. A loop that is shifted against the piece is refused: its ends
+/// would belong to other equations.
 pub(super) fn passes_at(own: Affine, extents: &[u32], at: Affine) -> Option<Vec<i64>> {
     if own == at {
         return Some(Vec::new());

@@ -28,10 +28,10 @@ use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
 use crate::ir::{FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
-use demote::{Outcome, Settled, Wishes, settle};
+use demote::{Outcome, Settled, settle};
 use pantelides::{Refused, System};
 use slopes::{NoSlope, Slopes, replace_rates};
-use system::{Matching, Node, Pool};
+use system::{Matching, Node, Pool, Wishes};
 
 /// Most equations that loops are unrolled to.
 const UNROLLED: i64 = 20_000;

@@ -9,7 +9,7 @@ use super::{Binder, Expr, Ident, UnitExpr};
 pub struct Parameter {
     /// Name as written.
     pub name: Ident,
-    /// What it takes.
+    /// Kind of its arguments.
     pub kind: ParameterKind,
 }
 
@@ -37,11 +37,11 @@ pub struct Local {
 
 /// A statement of a test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 pub enum TestStep {
     /// `start nominal`
     Start(Ident),
-    /// `scenario legacy`, `level online`, `variant NAME`, `variant NAME = OPTION`: what the model is compiled with
+    /// `scenario legacy`, `level online`, `variant NAME = OPTION` of the compilation
     Choose { word: Ident, name: Ident, option: Option<Ident> },
     /// `policy profile`
     Policy(Ident),
@@ -57,7 +57,7 @@ pub enum TestStep {
 
 /// An expectation of a test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "the example beside each kind names its fields")]
+#[allow(missing_docs, reason = "the example of each kind names its fields")]
 pub enum Expect {
     /// `expect x > 1`
     Holds(Expr),

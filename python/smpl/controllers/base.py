@@ -59,14 +59,14 @@ class TakesWrapped(Recorded):
 
 
 def _made(method: Callable[..., Any]) -> Callable[..., Any]:
-    """An `__init__` that sees environments without wrappers, and keeps the texts of its arguments for `repr`."""
+    """An `__init__` that unwraps environments and keeps the texts of its arguments for `repr`."""
     inner, signature = _beneath(method), inspect.signature(method)
 
     @functools.wraps(method)
     def making(self: Any, *given: Any, **named: Any) -> Any:
         _check_keywords(self, signature, named)
         if not hasattr(self, SHOWN):  # a subclass has its own arguments
-            with contextlib.suppress(TypeError):  # the call tells what is wrong with them
+            with contextlib.suppress(TypeError):  # the call reports what is wrong with them
                 bound = signature.bind(self, *given, **named)
                 setattr(self, SHOWN, tuple(_texts(signature, bound.arguments)))
         return inner(self, *given, **named)

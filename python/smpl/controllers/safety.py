@@ -1,4 +1,4 @@
-"""A filter that changes the actions of a policy as little as possible so that declared limits are kept.
+"""A filter that changes the actions of a policy only as declared limits require.
 
 Predictive safety filter: K. P. Wabersich, M. N. Zeilinger, Automatica 129 (2021) 109597; plans are sampled and
 simulated by the model itself, so that events, phases and integer actions are not an obstacle.
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from smpl._arguments import FloatArray, as_count, as_finite_number, as_vector
+from smpl.analysis.rollout import Rollout
 from smpl.controllers.base import TakesWrapped
 from smpl.controllers.names import operating_action
 from smpl.envs import Env
 from smpl.policies import Rows, as_policy
-from smpl.rollout import Rollout
+from smpl.support.arguments import FloatArray, as_count, as_finite_number, as_vector
 
 # Points on the way from a proposed action to one that is safe, and how often that way is refined.
 _POINTS, _ROUNDS = 9, 4
@@ -33,8 +33,8 @@ class SafetyFilter(TakesWrapped):
         policy: a controller, a policy or a function, see `smpl.policies.as_policy`.
         env: the environment that it is for; None for that of the reset.
         horizon: steps of a plan.
-        backup: action that should keep the plant safe, physical units; the operating action if None.
-        samples: actions that are tried in addition to those between the proposed and the backup action.
+        backup: action that should keep the plant safe, physical units; if None the operating action.
+        samples: actions tried in addition to those between the proposed and the backup action.
         margin: violation of a constraint that is accepted, a share of its range.
         threads: of the prediction; all processors if None.
 
@@ -95,7 +95,7 @@ class SafetyFilter(TakesWrapped):
         self.plan = None
 
     def statistics(self) -> dict[str, float]:
-        """Share of changed actions, mean change of all and of changed actions, and share without a safe plan."""
+        """Share of changed actions, mean changes, and share of decisions without a safe plan."""
         count = max(self.decisions, 1)
         return {
             "intervention_rate": self.interventions / count,
@@ -137,7 +137,7 @@ class SafetyFilter(TakesWrapped):
         return np.clip(physical, env.action_low, env.action_high)
 
     def _candidates(self, env: Env, proposed: FloatArray, width: FloatArray) -> FloatArray:
-        """First actions to try: on the way to the backup, of the last plan, at limits, and samples around."""
+        """First actions to try: towards the backup, of the last plan, at limits, and samples."""
         share = np.linspace(0.0, 1.0, _POINTS)[1:, None]
         rows = [proposed + share * (self._backup - proposed)]
         if self.plan is not None:
@@ -169,7 +169,7 @@ class SafetyFilter(TakesWrapped):
     def _safest(
         self, env: Env, firsts: FloatArray, near: FloatArray | None = None, width: FloatArray | None = None
     ) -> tuple[bool, FloatArray]:
-        """If one is safe, and the safe plan that is nearest to `near`, else the plan that does best."""
+        """If one is safe, and the safe plan nearest to `near`, else the plan that does best."""
         plans = self._plans(firsts)
         found = env.rollout(plans, threads=self._threads)
         safe = self._safe(found)
@@ -189,7 +189,7 @@ class SafetyFilter(TakesWrapped):
         return np.asarray(~failed & ~(worst > self._margin))
 
     def _nearer(self, env: Env, proposed: FloatArray, plan: FloatArray, width: FloatArray) -> FloatArray:
-        """A safe plan that begins nearer to the proposed action: single actions are restored, then all go back."""
+        """A safe plan nearer to the proposed action: single actions are restored, then all."""
         for at in range(len(proposed)):
             one = plan[0].copy()
             one[at] = proposed[at]

@@ -19,7 +19,7 @@ __all__ = ["TARGETS", "Artefact", "Contract", "Signal", "export_policy", "load_a
 
 
 def __getattr__(name: str) -> Any:
-    """Load the export when it is first used: it needs the controllers, which read exported files."""
+    """Load the export at its first use: it needs the controllers, which read exported files."""
     if name in ("TARGETS", "export_policy"):
         return getattr(importlib.import_module("smpl.deploy.export"), name)
     raise AttributeError(f"module 'smpl.deploy' has no attribute {name!r}", name=name)

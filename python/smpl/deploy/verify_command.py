@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from smpl.collect import guarded, once
-from smpl.deploy.results import verify
+from smpl.deploy.replay import verify
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -87,7 +87,7 @@ pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl F
 pub(super) fn start_passes(model: &CompiledModel) -> usize {
     let model = model.model();
     let programs = [&model.programs.initial_states, &model.programs.initial_discretes];
-    // States that follow from constraints have initial values of their own.
+    // States that follow from constraints have their own initial values.
     let stores = model.programs.initial_states.nests.iter().flat_map(|nest| &nest.stores);
     let set: HashSet<VarId> = stores.filter_map(|store| if let Place::Var(var) = store.target.place { Some(var) } else { None }).collect();
     passes(model, &programs, |expr| match expr {

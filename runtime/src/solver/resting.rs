@@ -175,13 +175,12 @@ pub(super) struct Resting {
     yp: Vec<f64>,
 }
 
+/// Constructor of a method.
+type Maker = fn(&dyn System, Settings) -> Result<Box<dyn Integrator>, SolveError>;
+
 impl Resting {
     /// The method that `make` gives for the system with an unknown at rest.
-    pub(super) fn new(
-        system: &dyn System,
-        mut settings: Settings,
-        make: fn(&dyn System, Settings) -> Result<Box<dyn Integrator>, SolveError>,
-    ) -> Result<Self, SolveError> {
+    pub(super) fn new(system: &dyn System, mut settings: Settings, make: Maker) -> Result<Self, SolveError> {
         let shape = Shape::new(system)?;
         settings.atol.insert(0, 1.0);
         let method = make(&WithRest { inner: Inner::Shown(system), shape: &shape }, settings).map_err(without_rest)?;

@@ -73,7 +73,7 @@ impl<'s, 'p> Search<'s, 'p> {
 
     /// Newton's method from the guess in `y`, once; whether it found a solution inside of the
     /// bounds.
-    pub(super) fn from_guess(&mut self, y: &mut [f64]) -> bool {
+    pub(super) fn guessed(&mut self, y: &mut [f64]) -> bool {
         matches!(newton(self, None, y), Ok(Try::Converged(_))) && self.problem.bounds.outside(&self.places, y).is_none()
     }
 

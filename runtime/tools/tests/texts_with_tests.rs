@@ -21,7 +21,7 @@ episode { step = 1 [min], max_steps = 5, error_reward = -100 }
 ";
 
 fn run(tests: &str, more: &[&str]) -> (i32, String, String) {
-    let path = file("test_blocks", "tank.eq", &format!("{TANK}{tests}"));
+    let path = file("test_blocks", "tank.eq", format!("{TANK}{tests}"));
     let output = smpl(&[&["test", name(&path)], more].concat());
     (status(&output), text(&output.stdout).to_owned(), text(&output.stderr).to_owned())
 }
@@ -112,7 +112,7 @@ fn faults_of_tests_are_placed_and_status_1() {
 
 #[test]
 fn check_finds_faults_of_tests() {
-    let path = file("test_blocks_checked", "tank.eq", &format!("{TANK}test \"a\" {{ expect h within 1 [s] of 2 }}\n"));
+    let path = file("test_blocks_checked", "tank.eq", format!("{TANK}test \"a\" {{ expect h within 1 [s] of 2 }}\n"));
     let output = smpl(&["check", name(&path)]);
     assert!(status(&output) == 1 && text(&output.stderr).contains("the tolerance is length"));
 }
@@ -122,7 +122,7 @@ fn a_filter_selects_tests_and_results_are_written_for_other_tools() {
     let tests = "test \"one <1>\" { start nominal; expect h > 0 }\ntest \"two\" { start nominal; expect h > 9 [m] }\n";
     let (status_one, out, _) = run(tests, &["--filter", "one"]);
     assert!(status_one == 0 && out.contains("1 test, 1 passed"), "{out}");
-    let path = file("test_blocks_junit", "tank.eq", &format!("{TANK}{tests}"));
+    let path = file("test_blocks_junit", "tank.eq", format!("{TANK}{tests}"));
     let xml = path.with_file_name("out.xml");
     assert_eq!(status(&smpl(&["test", name(&path), "--junit", name(&xml)])), 1);
     let written = std::fs::read_to_string(&xml).expect("the results");
@@ -135,7 +135,7 @@ fn variants_and_scenarios_of_a_test_are_compiled_for_it() {
     let tests = "variant leaky { param leak : m^3/min = 0.2; eq d/dt h = (q - leak) / A }\n\
                  test \"leaks\" { variant leaky; start nominal; leak = 0.3; steps 1; expect h within 1e-9 of 0.6 }\n\
                  test \"holds\" { scenario wide; start nominal; w = 0; k = 0; q = 0 for 1 [min]; expect A within 0 of 4; expect h within 1e-12 of 1 }\n";
-    let path = file("test_blocks_variants", "tank.eq", &format!("{TANK}{tests}"));
+    let path = file("test_blocks_variants", "tank.eq", format!("{TANK}{tests}"));
     std::fs::write(path.with_file_name("tank.wide.yaml"), "parameters: {A: 4}\n").expect("a scenario");
     let output = smpl(&["test", name(&path)]);
     assert_eq!(status(&output), 0, "{}{}", text(&output.stdout), text(&output.stderr));
@@ -143,7 +143,7 @@ fn variants_and_scenarios_of_a_test_are_compiled_for_it() {
 
 #[test]
 fn tests_of_imported_files_are_not_run() {
-    let path = file("test_blocks_imports", "tank.eq", &format!("use \"part.eq\"\n{TANK}test \"own\" {{ start nominal; expect h > 0 }}\n"));
+    let path = file("test_blocks_imports", "tank.eq", format!("use \"part.eq\"\n{TANK}test \"own\" {{ start nominal; expect h > 0 }}\n"));
     std::fs::write(path.with_file_name("part.eq"), "def twice(x) = 2*x\ntest \"other\" { expect 1 > 2 }\n").expect("a part");
     let output = smpl(&["test", name(&path)]);
     assert!(status(&output) == 0 && text(&output.stdout).contains("1 test, 1 passed"), "{}{}", text(&output.stdout), text(&output.stderr));

@@ -239,7 +239,7 @@ impl<'a> Lowering<'_, 'a> {
             Ok(expr) => Value::of(expr, unit),
             Err(_) => self.fault(
                 Diagnostic::error(codes::WRONG_KIND, "the expression has too many nested sums to be differentiated", span)
-                    .help("name the inner sum by a `var` with an equation of its own"),
+                    .help("name the inner sum by a `var` with its own equation"),
             ),
         }
     }

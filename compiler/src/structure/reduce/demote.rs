@@ -10,22 +10,23 @@ use super::bounds::cannot_vanish;
 use super::pantelides::System;
 use super::project::{Group, states_of};
 use super::start::Start;
-use super::system::{Matching, Node, Pool, Search};
-use crate::differentiate;
+use super::system::{Matching, Node, Pool, Search, Wishes, by_element};
 use crate::elaborate::for_each_element;
-use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
+use crate::ir::{Affine, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
 use crate::model::{Model, Quantity};
+
+/// Elements of variables.
+type Elements = FastSet<(VarId, i64)>;
+/// Order of pivots, the least first: wish, whether it varies, its negative size, position.
+type Rank = (u8, bool, f64, usize);
+/// Order of the variables that an equation may determine, the least first: kind and wish, whether
+/// its slope varies, its negative size, position.
+type Preference = (u8, u8, bool, f64, usize);
 
 /// Part of the largest entry that a pivot must have.
 const LEAST: f64 = 1e-2;
 /// Entry, relative to the others of its row, that counts as none.
 const NONE: f64 = 1e-9;
-
-/// Preferences from the text of the model.
-pub(super) struct Wishes {
-    /// Rank of each state; states of lower rank follow first.
-    pub(super) keep: FastMap<VarId, u8>,
-}
 
 /// A constraint with the element that follows from it.
 #[derive(Clone, Debug)]
@@ -106,19 +107,6 @@ fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<(Settled, b
     outcome
 }
 
-/// The derivative of an expression by one element.
-pub(super) fn by_element(exprs: &mut Exprs, depth: usize, e: ExprId, (var, at): (VarId, Affine)) -> Option<ExprId> {
-    let one = |exprs: &mut Exprs, load: Option<(VarId, Flavour, Affine)>| match load {
-        Some((v, Flavour::Value, read)) if v == var => {
-            let (own, other) = (super::super::whole::number(exprs, at), super::super::whole::number(exprs, read));
-            let (same, one, zero) = (exprs.compare(Compare::Eq, own, other), exprs.constant(1.0), exprs.constant(0.0));
-            Some(if read == at { one } else { exprs.select(same, one, zero) })
-        }
-        _ => None,
-    };
-    differentiate::total(exprs, depth, e, &one).ok()
-}
-
 /// Returns `true` if an expression is constant during an episode.
 pub(super) fn is_constant(model: &Model, e: ExprId) -> bool {
     model.exprs.below([e]).all(|e| match model.exprs.node(e) {
@@ -148,7 +136,7 @@ fn column(model: &Model, wishes: &Wishes, var: VarId, at: Affine) -> Column {
 /// vanish.
 fn by_numbers(
     model: &mut Model,
-    (nodes, fresh): (&[Node], &[FastSet<(VarId, i64)>]),
+    (nodes, fresh): (&[Node], &[Elements]),
     lower: &Pool,
     wishes: &Wishes,
     start: &Start,
@@ -218,7 +206,7 @@ impl Elimination {
     fn best(&self, columns: &[Column], varies: &FastSet<(usize, usize)>) -> Option<(usize, usize)> {
         let taken: FastSet<usize> = self.used.iter().flatten().copied().collect();
         let free = (0..self.rows.len()).filter(|&row| self.used[row].is_none());
-        let mut found: Option<((u8, bool, f64, usize), (usize, usize))> = None;
+        let mut found: Option<(Rank, (usize, usize))> = None;
         for row in free {
             let entries = self.rows[row].iter().filter(|(c, x)| !taken.contains(*c) && x.abs() > NONE);
             let size = entries.clone().fold(0.0_f64, |size, (_, x)| size.max(x.abs()));
@@ -264,7 +252,7 @@ fn by_structure(model: &mut Model, nodes: Vec<Node>, lower: &Pool, wishes: &Wish
     let mut pool = lower.clone();
     let mut candidates: FastMap<usize, Vec<(VarId, Affine)>> = FastMap::default();
     for (i, node) in nodes.iter().enumerate() {
-        let mut list: Vec<((u8, u8, bool, f64, usize), (VarId, Affine))> = Vec::new();
+        let mut list: Vec<(Preference, (VarId, Affine))> = Vec::new();
         for (var, at) in node.candidates(model, Role::Algebraic) {
             let mut fits = true;
             for_each_element(&node.extents, at, &mut |i| fits &= lower.has(var, i));

@@ -4,9 +4,8 @@
 //! x' = f - κ W Hᵀ (H W Hᵀ)⁻¹ h with H = ∂h/∂x. At the end of each step the states are projected in
 //! the same direction. No choice of coordinates is made that could become bad.
 
-use super::demote::{Wishes, by_element};
 use super::slopes::Slopes;
-use super::system::Node;
+use super::system::{Node, Wishes, by_element};
 use crate::elaborate::for_each_element;
 use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, Nest, Place, Program, Store, Target, UnaryFn, VarId};
 use crate::model::{Invariant, Model, Projected};
@@ -115,6 +114,7 @@ fn slopes_of(exprs: &mut Exprs, group: &Group) -> Vec<Vec<ExprId>> {
 }
 
 /// Solves a positive definite system in place.
+#[allow(clippy::needless_range_loop, reason = "two rows of one matrix")]
 fn solve(exprs: &mut Exprs, matrix: &mut [Vec<ExprId>], off: &mut [ExprId]) {
     let count = off.len();
     let eliminate = |exprs: &mut Exprs, x: ExprId, factor: ExprId, y: ExprId| {

@@ -4,8 +4,9 @@
 use smpl_dsl::span::Span;
 
 use super::super::common::passes;
+use crate::differentiate;
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Loops, MAX_DEPTH, Role, VarId, loops_of};
+use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Loops, MAX_DEPTH, Role, VarId, loops_of};
 use crate::model::Model;
 
 /// Passes of a sum of which each is tried as the unknown of an equation.
@@ -13,6 +14,12 @@ const TRIED: u32 = 64;
 
 /// Deepest chain of equations that give their unknowns to each other.
 const DEEPEST: usize = 4000;
+
+/// Preferences from the text of the model.
+pub(super) struct Wishes {
+    /// Rank of each state; states of lower rank follow first.
+    pub(super) keep: FastMap<VarId, u8>,
+}
 
 /// An equation, or a loop of equations.
 #[derive(Clone, Debug)]
@@ -272,4 +279,17 @@ impl Matching {
         }
         false
     }
+}
+
+/// The derivative of an expression by one element.
+pub(super) fn by_element(exprs: &mut Exprs, depth: usize, e: ExprId, (var, at): (VarId, Affine)) -> Option<ExprId> {
+    let one = |exprs: &mut Exprs, load: Option<(VarId, Flavour, Affine)>| match load {
+        Some((v, Flavour::Value, read)) if v == var => {
+            let (own, other) = (super::super::whole::number(exprs, at), super::super::whole::number(exprs, read));
+            let (same, one, zero) = (exprs.compare(Compare::Eq, own, other), exprs.constant(1.0), exprs.constant(0.0));
+            Some(if read == at { one } else { exprs.select(same, one, zero) })
+        }
+        _ => None,
+    };
+    differentiate::total(exprs, depth, e, &one).ok()
 }

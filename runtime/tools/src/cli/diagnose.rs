@@ -70,7 +70,7 @@ fn table(found: &Diagnosis, unit: &str) -> String {
     line("at bounds at the start", list(&found.at_bounds));
     let value = |z: Option<(f64, f64)>| match z {
         None => "not computed".to_owned(),
-        Some((re, im)) if im == 0.0 => format!("{} 1/{unit}", Short(re)),
+        Some((re, 0.0)) => format!("{} 1/{unit}", Short(re)),
         Some((re, im)) => format!("{} ± {} i 1/{unit}", Short(re), Short(im.abs())),
     };
     line("slowest eigenvalue", value(found.slowest));

@@ -1,4 +1,4 @@
-//! Commands of the Python package, which this command starts: `fit`, `export-policy`, `verify`, `serve`.
+//! Commands that start the Python package: `fit`, `export-policy`, `verify`, `serve`.
 
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -94,7 +94,7 @@ fn check_past(sbml: &Sbml) -> Result<(), Fault> {
     let moving = sbml.symbols.iter().find(|symbol| sbml.initial.get(&symbol.id).is_some_and(Math::is_timed));
     match moving.filter(|_| delays) {
         Some(symbol) => {
-            let why = format!("a delay beside the initial assignment of `{}`, which reads the time, has no counterpart", symbol.id);
+            let why = format!("a delay next to the initial assignment of `{}`, which reads the time, has no counterpart", symbol.id);
             Err(at(symbol.at, why))
         }
         None => Ok(()),

@@ -120,7 +120,7 @@ impl Writer<'_> {
             }
             ("==" | "!=" | ">" | "<" | ">=" | "<=", _) => self.comparisons(f, arguments),
             (DELAY, [x, lag]) => {
-                // Before the start species and parameters have their first values, which do not move; time goes on.
+                // Before the start species and parameters keep their first values; time goes on.
                 let still = x.map(&mut |part| Ok(if matches!(part, Math::RateOf(_)) { Math::Number(0.0, None) } else { part }))?;
                 Ok((format!("delay({}, {}, before = {})", self.text(x)?, self.text(lag)?, self.text(&still)?), Level::Atom))
             }
