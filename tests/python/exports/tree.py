@@ -104,7 +104,7 @@ class Tree:
             for counters in itertools.product(*map(range, equation["extents"])):
                 rows[variable, place(address, counters)] = self.value(equation["residual"], counters, memo)
         elements = self.tree["elements"]["states"] + self.tree["elements"]["solved"]
-        return np.array([rows[e["variable"], e["element"]] for e in elements])
+        return np.reshape([rows[e["variable"], e["element"]] for e in elements], (len(elements), self.points))
 
     def run(self, name):
         """Runs a program in place or returns its outputs."""
