@@ -300,3 +300,18 @@ variant sensor_bias "the E-factor is computed from assays with an offset that dr
   disturbance drift_E = 0 ~ drift_E + 0.005*normal(0, 1)    "drift of the assays"
   observe E = E + 0.02*offset_E + drift_E in 0..20
 }
+
+# ---- Tests: `smpl test models/atropine.eq`, against published steady states ----
+
+test "the steady E-factor" {
+  start steady
+  expect E within 1e-8 of 12.835394888664714
+  steps 60
+  expect steady
+  expect E within 1e-6 of 12.835394888664714
+}
+test "the steady E-factor of the grid of the published figure" {
+  scenario coupled39
+  start steady
+  expect E within 1e-8 of 13.057264952551748
+}

@@ -116,3 +116,21 @@ variant weak_yeast "the yeast of some batches is weaker: less of it wakes" {
   eq d/dt X_A = mu_x * X_A - mu_DT * X_A + mu_L * X_L * waking()
   eq d/dt X_L = -mu_L * X_L * waking()
 }
+
+# ---- Tests: `smpl test models/beer.eq`, against published batches ----
+
+test "the industrial profile finishes the batch in step 145" {
+  start nominal
+  policy profile
+  for 144 [h]
+  expect S < 1 [g/L]
+  steps 1
+  expect success finished
+}
+test "at 13 degC the batch takes 187 h" {
+  start nominal
+  T = 13 for 186 [h]
+  expect EtOH > 50 [g/L]
+  steps 1
+  expect success finished
+}

@@ -244,3 +244,13 @@ variant recycle_limit "the recycle must carry the cells that it returns" {
 variant tank_height "the buffer tank overflows" {
   fail tank_height event h >= 25 [dm]
 }
+
+# ---- Tests: `smpl test models/mab.eq`, against the published steady state ----
+
+test "the culture rests at its published steady state" {
+  start steady
+  expect Xv1 within 1000 of 32634226513.896458
+  expect GLC1 within 1e-6 of 2467.739824646896
+  expect mAb1 within 1e-6 of 61.95767992869218
+  expect Xv2 within 100 of 2611340144.040371
+}

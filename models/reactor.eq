@@ -115,3 +115,27 @@ variant setpoint_random "set-points of temperature and level that change every 2
   observe T_sp in 30..70, h_sp in 0.4..0.9
   reward setpoint default = -sq((T - T_sp)/5 [K]) - sq((h - h_sp)/0.05 [m])    "squared distance from the set-points in force"
 }
+
+# ---- Tests: `smpl test models/reactor.eq`, against the published steady states ----
+
+test "the set-point is the published stable steady state, and the plant rests there" {
+  start steady
+  expect c_A within 1e-9 of 0.8778252005501434
+  expect T within 1e-7 of 51.34660619295078
+  steps 100
+  expect steady
+  expect T within 1e-6 of 51.34660619295078
+}
+test "the saddle is a steady state too, and a slightly warmer jacket ignites the plant from there" {
+  start steady
+  c_A = 0.501894113975015
+  T = 76.84405451311673
+  expect steady
+  T_c = 27.5 for 2 [min]
+  expect failure state_box
+}
+test "the closed outlet overfills the tank" {
+  start steady
+  q_out = 0.05 for 10 [min]
+  expect failure state_box
+}
