@@ -38,7 +38,7 @@ pub struct CompiledModel {
     pieces: [Box<[CompiledFn]>; Function::ALL.len()],
     surroundings: Surroundings,
     /// Tapes of derivatives, made when first asked for.
-    derivatives: [OnceLock<Result<Derivative, BackEndError>>; 24],
+    derivatives: [OnceLock<Result<Derivative, BackEndError>>; derivative::DERIVATIVES],
     /// Data for sensitivities.
     later: tangent::Later,
     /// Holds the code that `functions` point to.

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from smpl.collect import add_environment, add_ray, environment, guarded, once
+from smpl.deploy.results import record
 from smpl.learning import Plan, Task
 from smpl.learning.agents import Agent, agent
 from smpl.learning.progress import Progress
@@ -94,8 +95,6 @@ def _evaluate(given: argparse.Namespace) -> int:
     )
     report = content(plan, scores) if given.out is None else write(given.out, replace(plan), scores)
     if given.out is not None:
-        from smpl.deploy.results import record
-
         record(given.out, given.env, environment(given), given.starts, plan, scores)
     print(text_table(table(report)))
     return 0

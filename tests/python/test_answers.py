@@ -31,9 +31,9 @@ def test_long_arguments_are_cut_off():
 
 
 def test_what_is_shown_does_not_change_what_a_controller_is(reactor):
-    from smpl._identity import describe
+    from smpl.controllers.identity import identity
 
-    assert describe(PID("T", "T_c", 1.0)) == describe(PID(measurement="T", action="T_c", gain=1.0))
+    assert identity(PID("T", "T_c", 1.0)) == identity(PID(measurement="T", action="T_c", gain=1.0))
     assert repr(pickle.loads(pickle.dumps(Constant([1.0])))) == "Constant([1.0])"
 
 

@@ -298,7 +298,7 @@ def test_a_model_of_ones_own_is_run_by_its_path(tmp_path, monkeypatch, capsys):
     path.write_text(TANK, encoding="utf-8")
     found = benchmark(tmp_path / "runs", env=str(path), seeds=2, results=tmp_path / "records")
     rows = {row["controller"]: row for row in found["rows"]}
-    assert set(rows) == {"nominal", "random", "full"} and {row["env"] for row in found["rows"]} == {"Tank"}
+    assert set(rows) == {"nominal", "random", "lqr", "full"} and {row["env"] for row in found["rows"]} == {"Tank"}
     # A level of 1 m is the steady state of the nominal inflow.
     assert rows["nominal"]["mean"] == pytest.approx(0, abs=1e-12) and rows["nominal"]["published"] is None
     assert rows["full"]["gain"] == pytest.approx(rows["full"]["return_mean"]) and rows["full"]["regret"] is None

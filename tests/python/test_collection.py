@@ -709,7 +709,7 @@ def test_a_controller_may_have_an_action_alone(tmp_path):
     ("arguments", "says"),
     [
         ({"controller": Narrow()}, r"episode 0 .*Narrow gave actions of shape \(1, 3\), expected \(1, 2\)"),
-        ({"controller": "pdi"}, "controller is 'pdi'; Reactor has: nominal, random, pid, mpc"),
+        ({"controller": "pdi"}, "controller is 'pdi'; Reactor has: nominal, random, lqr, pid, mpc"),
         ({"controller": "nowhere:Thing"}, "nowhere"),
         ({"controller": Proportional}, "the class Proportional"),
         ({"episodes": 0}, "episodes is 0"),

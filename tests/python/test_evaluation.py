@@ -254,7 +254,7 @@ def test_without_matplotlib_pictures_are_left_out_with_a_note(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["reactor", "--controller", "nobody", "--episodes", "1"], "Reactor has: nominal, random, pid, mpc"),
+        (["reactor", "--controller", "nobody", "--episodes", "1"], "Reactor has: nominal, random, lqr, pid, mpc"),
         (["rector", "--controller", "pid", "--episodes", "1"], "did you mean 'reactor'"),
         (["reactor", "--controller", "pid", "--episodes", "0"], "episodes is 0"),
         (["reactor", "--controller", "pid", "--episodes", "1", "--reward", "x"], "setpoint"),

@@ -81,7 +81,7 @@ def test_every_target_of_the_page_is_one_of_the_command_and_the_other_way_round(
 
 def test_nothing_is_written_where_an_export_fails(tmp_path):
     model = tmp_path / "tank.eq"
-    model.write_text("model Tank\n")
+    model.write_text("model Tank\nstate h = 1\n")
 
     def run(*arguments):
         return subprocess.run(
@@ -90,7 +90,7 @@ def test_nothing_is_written_where_an_export_fails(tmp_path):
 
     assert run("tank.eq", "--to", "json", "-o", "out.json").returncode == 1
     assert run("tank.eq", "--to", "json", "-o", "tank.eq").returncode == 1
-    assert model.read_text() == "model Tank\n"
+    assert model.read_text() == "model Tank\nstate h = 1\n"
     shutil.copy(ROOT / "models" / "reactor.eq", tmp_path)
     several = run("reactor.eq", "--to", "c", "-o", "out")
     assert several.returncode == 1

@@ -282,7 +282,7 @@ def test_algebraic_equations_that_read_rates_are_linearised_with_them(u, z, gain
 
 
 def test_findings_have_notes_and_related_places():
-    text = "state x = 1\nvar a\nvar b\neq d/dt x = -a\neq a = 2*x\neq 0 = a - 2*x\n"
+    text = "state x = 1\nvar a\nvar b\neq d/dt x = -a/1 [s]\neq a = 2*x\neq 0 = a - 2*x\n"
     with pytest.raises(smpl.CompileError, match="`b` is left without an equation") as caught:
         smpl.compile(source=text)
     (finding,) = caught.value.diagnostics

@@ -38,6 +38,12 @@ pub enum WithRespectTo {
     Delayed,
 }
 
+/// Number of roles.
+const ROLES: usize = WithRespectTo::Delayed as usize + 1;
+
+/// Number of derivatives: each function with respect to each role.
+pub(super) const DERIVATIVES: usize = (Derived::Delayed as usize + 1) * ROLES;
+
 /// Row, column, value.
 pub type Triplet = (usize, usize, f64);
 
@@ -61,7 +67,7 @@ impl CompiledModel {
         t: f64,
         (y, yp): (&[f64], &[f64]),
     ) -> Result<Vec<Triplet>, &BackEndError> {
-        let cell = &self.derivatives[of as usize * 5 + with_respect_to as usize];
+        let cell = &self.derivatives[of as usize * ROLES + with_respect_to as usize];
         let derivative = cell.get_or_init(|| self.make_derivative(of, with_respect_to)).as_ref()?;
         let mut values = vec![0.0; derivative.places.len()];
         let (mut y, work) = (y.to_vec(), m.all_mut());
