@@ -86,6 +86,8 @@ def assert_equal(found, expected, tolerance=1e-12):
     """Equal to a tolerance relative to the largest value of the row: differences of large terms may vanish."""
     found, expected = np.asarray(found), np.asarray(expected)
     assert found.shape == expected.shape
+    if expected.size == 0:
+        return  # a model without unknowns
     assert np.isfinite(expected).mean() > 0.8
     both = np.isfinite(expected)
     assert np.array_equal(np.isfinite(found), both)
