@@ -69,6 +69,33 @@ test("an error appears while it is typed and goes when it is undone", options, a
   });
 });
 
+test("arguments of a function are shown while they are typed", options, async () => {
+  await withTank(async (page) => {
+    await toLine(page, 7);
+    await page.keyboard.type("let y = clip(h, ");
+    const help = page.locator(".signature");
+    await help.waitFor();
+    assert.match(await help.textContent(), /^clip\(/);
+    const second = await help.locator("b").textContent();
+    await page.keyboard.type("0 [m], ");
+    await until(async () => (await help.locator("b").textContent()) !== second, "the third argument");
+    await page.keyboard.press("Escape");
+    await until(async () => (await help.count()) === 0, "no arguments");
+  });
+});
+
+test("a block is folded and opened", options, async () => {
+  await withTank(async (page) => {
+    const line = page.locator(".cm-line", { hasText: "0.05" });
+    const mark = page.locator(".cm-foldGutter span[title]");
+    await mark.first().waitFor();
+    await mark.last().click();
+    await until(async () => (await line.count()) === 0, "a folded block");
+    await page.locator(".cm-foldPlaceholder").click();
+    await line.first().waitFor();
+  });
+});
+
 test("a slider moves the curves and is reset", options, async () => {
   await withTank(async (page) => {
     const first = await valueOf(page, "h").textContent();

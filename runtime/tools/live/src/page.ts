@@ -327,6 +327,8 @@ function clientCapabilities(): object {
       publishDiagnostics: { relatedInformation: true, versionSupport: true, codeDescriptionSupport: true },
       rename: { prepareSupport: true },
       inlayHint: {},
+      signatureHelp: { signatureInformation: { documentationFormat: ["markdown"], activeParameterSupport: true } },
+      foldingRange: { lineFoldingOnly: true },
     },
   };
 }

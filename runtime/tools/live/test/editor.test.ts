@@ -3,6 +3,7 @@ import { test } from "node:test";
 import { ChangeSet, Text } from "@codemirror/state";
 import { contentChanges, editorChanges, editsByFile, offsetOf, positionOf, snippetText } from "../src/editor/convert.ts";
 import { middle } from "../src/editor/features.ts";
+import { labelParts } from "../src/editor/signature.ts";
 
 const text = Text.of(["param T : °C = 3", "# 😀 x", "eq y = T"]);
 
@@ -47,4 +48,10 @@ test("a formatted text replaces only what differs", () => {
   const [before, after] = ["aaa", "aa"];
   const m = middle(before, after);
   assert.equal(before.slice(0, m.from) + m.insert + before.slice(m.to), after);
+});
+
+test("the active argument is found where a name occurs in another", () => {
+  assert.deepEqual(labelParts("clip(x, xmax, x)", ["x", "xmax", "x"], 1), ["clip(x, ", "xmax", ", x)"]);
+  assert.deepEqual(labelParts("clip(x, xmax, x)", ["x", "xmax", "x"], 2), ["clip(x, xmax, ", "x", ")"]);
+  assert.deepEqual(labelParts("f()", [], 0), ["f()", "", ""]);
 });

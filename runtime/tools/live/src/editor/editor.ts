@@ -13,7 +13,9 @@ import type { Range } from "../protocol.ts";
 import { editorChanges, offsetOf, type TextEdit } from "./convert.ts";
 import { Documents, type LspDiagnostic, type OpenDocument } from "./documents.ts";
 import { documentUri, languageFeatures, middle } from "./features.ts";
+import { folding } from "./folding.ts";
 import { smplLanguage } from "./language.ts";
+import { signatureHelp } from "./signature.ts";
 
 /** A fix of a diagnostic that the server offers. */
 export interface Fix {
@@ -104,6 +106,8 @@ export class Editor {
       EditorView.contentAttributes.of({ "aria-label": "Text of the model", spellcheck: "false", autocapitalize: "off" }),
       smplLanguage,
       languageFeatures(this.client),
+      signatureHelp(this.client),
+      folding(this.client),
       keymap.of([
         ...this.handlers.keys.map(({ key, run }) => ({ key, run, preventDefault: true })),
         ...closeBracketsKeymap, ...completionKeymap, ...searchKeymap, ...historyKeymap, ...defaultKeymap,
