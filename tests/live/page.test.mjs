@@ -87,7 +87,7 @@ test("arguments of a function are shown while they are typed", options, async ()
 test("a block is folded and opened", options, async () => {
   await withTank(async (page) => {
     const line = page.locator(".cm-line", { hasText: "0.05" });
-    const mark = page.locator(".cm-foldGutter span[title]");
+    const mark = page.locator('.cm-foldGutter span[title="Fold line"]');
     await mark.first().waitFor();
     await mark.last().click();
     await until(async () => (await line.count()) === 0, "a folded block");
