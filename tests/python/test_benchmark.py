@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from smpl.benchmark import SUBJECTS, Run, benchmark, main, runs
+from smpl_benchmarks.benchmark import finished
 from smpl_benchmarks.configuration import over, read, settings
-from smpl_benchmarks.pages import markdown, place_in, summary
+from smpl_benchmarks.pages import markdown, place_in
+from smpl_benchmarks.places import places
 from smpl_benchmarks.records import Result, keep, recorded
 from smpl_benchmarks.tables import table
 from tank import TANK
@@ -122,38 +124,8 @@ def test_regret_and_gain_are_leads_on_the_same_episodes():
     assert [row["gain"] for row in rows] == [3.5, -30.0, 0.0]
     assert [row["better"] for row in rows] == [[2, 2], [1, 3], [0, 3]]
     assert rows[0]["gain_interval"] == [3.0, 4.0] and rows[2]["gain_interval"] == [0.0, 0.0]
-    # The summary is over the two episodes that all three have run; 2.5 is the mean of 1 and 4.
-    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | 2 | 2.5 | none above |  |  | +3.5 (+3 to +4) |"]
     rows = table(every[:2], {one.run.name: one for one in found[:2]}, {}, {})["rows"]
     assert [(row["gain"], row["better"]) for row in rows] == [(None, None)] * 2
-
-
-def test_the_summary_compares_common_episodes_only():
-    """`profile` gains 0 on the episodes that all have run, and 14 with the others, which do not count."""
-
-    def result(suite, controller, number, returns):
-        run = Run(suite, "short", "Beer", controller, number, 0, len(returns), {})
-        counts = {"failures": 0, "successes": 0, "seconds": 1.0}
-        return Result(run, {"returns": returns, "steps": 10, "mean": 0.0, "std": 0.0, **counts}, [], {})
-
-    found = [
-        result("control", "isothermal", 0, [2.0, 2.0]),
-        result("control", "isothermal", 1, [2.0]),
-        result("control", "profile", 0, [1.0, 1.0, 41.0]),
-        result("control", "profile", 1, [1.0, 31.0]),
-        result("control", "nominal", 0, [1.0, 1.0, 1.0]),
-        result("control", "nominal", 1, [1.0, 1.0]),
-        result("online", "PPO", 0, [100.0]),  # one seed of two: not in the summary
-    ]
-    every = [one.run for one in found]
-    rows = table(every, {one.run.name: one for one in found}, {}, {})["rows"]
-    assert {row["controller"]: row["gain"] for row in rows} == {
-        "isothermal": 1.0,
-        "profile": 14.0,
-        "nominal": 0.0,
-        "PPO": 99.0,
-    }
-    assert summary({"rows": rows}).splitlines()[2:] == ["| Beer | 3 | 1 | isothermal +1 (+1 to +1) |  |  |  |"]
 
 
 def test_a_page_may_have_a_place_for_each_process(tmp_path):
@@ -161,7 +133,7 @@ def test_a_page_may_have_a_place_for_each_process(tmp_path):
     page = tmp_path / "page.md"
     place = "<!-- table: {} -->\nold {}\n<!-- end of table -->\n".format
     page.write_text("# A\n" + place("best", 1) + "# B\n" + place("Beer", 2) + "# C\n" + place("Reactor", 3))
-    place_in(page, content)
+    place_in(page, content, {"best": "| process | episodes | nominal |\n| Beer | 2 | 1 |\n"})
     best, beer, reactor = page.read_text().split("# ")[1:]
     assert best.startswith("A\n<!-- table: best -->\n\n| process | episodes | nominal |") and "\n| Beer | " in best
     assert beer.startswith("B\n<!-- table: Beer -->\n\n| suite |") and beer.count("| control | profile |") == 1
@@ -447,11 +419,12 @@ def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
     page = tmp_path / "page.md"
     page.write_text((ROOT / "docs/benchmark.md").read_text(encoding="utf-8"), encoding="utf-8")
     shown = page.read_text(encoding="utf-8")
-    found = benchmark(tmp_path, "all", "short", run_nothing=True, results=ROOT / "docs/results/benchmark")
+    records = ROOT / "docs/results/benchmark"
+    found = benchmark(tmp_path, "all", "short", run_nothing=True, results=records)
     assert len(found["rows"]) >= 10
-    place_in(page, found)
+    place_in(page, found, places(finished(None, None, "short", records, tmp_path)))
     given, made = (
         [re.sub(r"\*(?=[†‡ ])", "", line) for line in text.splitlines() if line.startswith("| ")]
         for text in (shown, page.read_text(encoding="utf-8"))
     )
-    assert given == made and len(given) > len(found["rows"])
+    assert given == made and len(given) > 100

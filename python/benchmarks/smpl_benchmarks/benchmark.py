@@ -25,14 +25,17 @@ from smpl.learning.progress import Progress
 from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.support.arguments import as_count
-from smpl_benchmarks import tune
+from smpl_benchmarks import controls, release, tune, tune_controls
+from smpl_benchmarks.common import SEEDS
 from smpl_benchmarks.curves import draw
 from smpl_benchmarks.historical import __main__ as historical
-from smpl_benchmarks.learned import train_and_score, versions
+from smpl_benchmarks.learned import train_and_score, validator, versions
 from smpl_benchmarks.pages import markdown, place_in, places_of
+from smpl_benchmarks.places import places
 from smpl_benchmarks.records import Result, in_folder, keep, recorded
 from smpl_benchmarks.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
 from smpl_benchmarks.tables import lines, remarks, table
+from smpl_benchmarks.tracks import RESIDUAL, TRACKS
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 
@@ -52,6 +55,7 @@ def benchmark(
     ray: str | None = None,
     run_nothing: bool = False,
     results: str | os.PathLike[str] | None = None,
+    track: str = RESIDUAL,
 ) -> dict[str, Any]:
     """Run a suite and write its table and figures.
 
@@ -68,6 +72,7 @@ def benchmark(
         ray: address of a cluster of Ray that makes the runs, see `smpl.learning.cluster`.
         run_nothing: make table and figures of the runs that are finished, whatever others there are.
         results: folder of records: with `resume` what is there is not run again, and what is finished is put there.
+        track: of learned policies, see `smpl_benchmarks.tracks`.
 
     Returns:
         What `table.json` holds.
@@ -79,7 +84,7 @@ def benchmark(
     if workers is not None:
         as_count("workers", workers)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
-    every = runs(suite, budget, env, count, algorithms, config)
+    every = runs(suite, budget, env, count, algorithms, config, track)
     if run_nothing:
         every = [one for one in every if _result(one, folder, records) is not None]
         if not every:
@@ -102,6 +107,23 @@ def _result(one: Run, out: Path, records: Path | None) -> Result | None:
     """What a run has brought, by its folder or by its record; none if it is not finished."""
     found = in_folder(one, out)
     return recorded(one, records) if found is None and records is not None else found
+
+
+def finished(
+    env: str | Sequence[str] | None,
+    config: str | os.PathLike[str] | None,
+    budget: str,
+    records: str | os.PathLike[str] | None,
+    out: Path,
+) -> list[Result]:
+    """Results of all suites and tracks of a budget that are finished, in the folder `out` or by their record."""
+    kept = None if records is None else Path(records)
+    trained = [name for name, one in TRACKS.items() if one.learners and name != RESIDUAL]
+    every = runs("all", budget, env, SEEDS, config=config)
+    for track in trained:
+        names = [name for name in TRACKS[track].processes or SUBJECTS if env is None or name in env]
+        every += [one for one in runs("online", budget, names, SEEDS, TRACKS[track].learners, config, track) if names]
+    return [found for one in every if (found := _result(one, out, kept)) is not None]
 
 
 def _record(one: Run, out: Path, records: Path) -> None:
@@ -209,10 +231,12 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
     begin = time.perf_counter()
     try:
         if one.suite == "control":
-            plan = Plan.of(task, one.settings.get("controller", one.controller), one.episodes, seed=one.seed)
+            controller = _controller(one, task)
+            plan = Plan.of(task, controller, one.episodes, seed=one.seed)
             _describe(folder, configuration)
             report = score(plan, workers, kept=0).report()
             report["seconds"] = time.perf_counter() - begin
+            report |= _validated(one, task, controller, workers)
         else:
             _describe(folder, configuration)
             report = _learned(one, task, folder, out / "data", workers)
@@ -220,6 +244,22 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
         return str(error)
     _write(folder / "scores.json", json.dumps(report, indent=1, allow_nan=False))
     return ""
+
+
+def _controller(one: Run, task: Task) -> Any:
+    """The controller of a run of the suite `control`."""
+    if "control" in one.settings:
+        return controls.made(task, one.env, one.controller, one.settings["control"].get("point", ()))
+    return one.settings.get("controller", one.controller)
+
+
+def _validated(one: Run, task: Task, controller: Any, workers: int | None) -> dict[str, Any]:
+    """Scores of a control on the validation episodes, once for all its blocks; empty where rows are not selected."""
+    episodes = SUBJECTS[one.env].validation if one.env in SUBJECTS and one.budget == "short" else 0
+    if one.number or not episodes or one.controller in SUBJECTS[one.env].few:
+        return {}
+    mean, returned, failures = validator(task, episodes, workers)(controller)
+    return {"validation": {"mean": mean, "return": returned, "failures": failures, "episodes": episodes}}
 
 
 def _describe(folder: Path, configuration: dict[str, Any]) -> None:
@@ -265,10 +305,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return tune.main(words[1:])
     if words[:1] == ["historical"]:
         return historical.main(words[1:])
+    if words[:1] == ["controls"]:
+        return tune_controls.main(words[1:])
+    if words[:1] == ["release"]:
+        return release.main(words[1:])
     parser = argparse.ArgumentParser(
         "python -m smpl.benchmark",
         description="The benchmark.",
-        epilog="python -m smpl.benchmark tune --help: search hyperparameters",
+        epilog="tune --help: search hyperparameters; controls --help: tune controls; release --help: data sets",
     )
     once(parser)
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
@@ -276,6 +320,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--env", action="append", metavar="ENV", help="in place of all: a process, or the path of a model; repeatable"
     )
+    parser.add_argument("--track", default=RESIDUAL, help=f"one of {', '.join(TRACKS)}")
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
     parser.add_argument("--algorithm", action="append", default=[], metavar="NAME", help="only this one; repeatable")
     parser.add_argument("--config", metavar="FILE", help="YAML over the configuration of the package")
@@ -296,9 +341,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
             algorithms=given.algorithm, config=given.config, workers=given.workers,
             ray=given.ray, run_nothing=given.table, progress=not given.quiet, results=given.results,
+            track=given.track,
         )  # fmt: skip
         if given.page is not None:
-            place_in(Path(given.page), found)
+            results = finished(given.env, given.config, given.budget, given.results, Path(given.out))
+            place_in(Path(given.page), found, places(results))
         print(text_table(lines(found)) + remarks(found))
         return 0
 

@@ -19,32 +19,6 @@ from smpl.learning.scores import score
 from smpl_benchmarks.historical import trainer as historical
 from smpl_benchmarks.training import Trainer, Validate, curve, diverged, learn
 
-# Means and deviations over steps that the paper prints, environment by environment; nothing where
-# it has no row.
-PUBLISHED: dict[tuple[str, str, str], tuple[float, float | None]] = {
-    ("online", "Beer", "PPO"): (1.0688, 20.70),
-    ("online", "Beer", "A3C"): (0.8706, None),
-    ("online", "Beer", "ARS"): (-200.0, 0.0),
-    ("online", "Beer", "PG"): (-1.99, 14.0014),
-    ("online", "MAb", "PPO"): (-92.7862, 137.6964),
-    ("online", "MAb", "A3C"): (-88.8452, 272.8659),
-    ("online", "MAb", "IMPALA"): (-94.3842, 184.2320),
-    ("online", "MAb", "PG"): (-86.1046, 241.7652),
-    ("online", "MAb", "SAC"): (-90.1491, 233.4410),
-    ("online", "MAb", "DDPG"): (-95.1542, 288.9491),
-    ("offline", "MAb", "BC"): (1322.8184, 111.1911),
-    ("offline", "MAb", "PLAS"): (1324.1982, 124.7369),
-    ("offline", "MAb", "PLASWithPerturbation"): (1357.0842, 122.1667),
-    ("offline", "MAb", "AWAC"): (1374.2244, 61.2931),
-    ("offline", "MAb", "TD3"): (708.1167, 571.8498),
-    ("offline", "MAb", "BEAR"): (1268.8020, 297.5198),
-    ("offline", "MAb", "BCQ"): (1247.0172, 313.2412),
-    ("offline", "MAb", "SAC"): (1197.1507, 503.1202),
-    ("offline", "MAb", "DDPG"): (711.1741, 574.0687),
-    ("offline", "MAb", "CQL"): (1254.5728, 233.4812),
-    ("offline", "MAb", "COMBO"): (1165.3812, 440.0366),
-    ("offline", "MAb", "MOPO"): (-100.0, 0.0),
-}
 # Seeds of validation and of data sets are apart from those of the scores, which begin at 0.
 _VALIDATION, _DATA = 500_000_000, 600_000_000
 _PACKAGES = ("numpy", "gymnasium", "torch", "d3rlpy", "stable-baselines3", "sb3-contrib", "ray")
@@ -94,14 +68,14 @@ def train_and_score(
     trainer = trainer_of(suite, task, algorithm, settings, data, workers)
     folder.mkdir(parents=True, exist_ok=True)
     task = as_observed(task, settings["train"])
-    validate = validator(task, settings["validation"], workers, _VALIDATION)
+    validate = validator(task, settings["validation"], workers)
     spec = learn(trainer, folder, settings["steps"], settings["segments"], number, validate)
     # Of all segments, whichever process ran them.
     trained = sum(row["seconds"] for row in curve(folder))
     begin = time.perf_counter()
     prefix, _, name = spec.rpartition(":")
     policy = f"{prefix}:{folder / name}" if prefix else str(folder / name)
-    plan = Plan.of(task, policy, plan_of["episodes"], seed=plan_of["seed"])
+    plan = Plan.of(task, policy, plan_of["episodes"], seed=plan_of["seed"], randomize=settings.get("randomize"))
     report = score(plan, workers, kept=0).report()
     ended = {"policy": spec, "training_seconds": trained, "seconds": trained + time.perf_counter() - begin}
     segment = diverged(folder)
@@ -189,10 +163,10 @@ def _data_set(
     )  # fmt: skip
 
 
-def validator(task: Task, episodes: int, workers: int | None, seed: int) -> Validate:
+def validator(task: Task, episodes: int, workers: int | None, seed: int = _VALIDATION) -> Validate:
     """What scores a policy on episodes from `seed` on."""
 
-    def validate(policy: str) -> tuple[float, float, int]:
+    def validate(policy: Any) -> tuple[float, float, int]:
         found = score(Plan.of(task, policy, episodes, seed=seed), workers, kept=0)
         return found.pooled()[0], float(found.returns.mean()), sum(bool(one.failure) for one in found.summaries)
 

@@ -23,7 +23,7 @@ from smpl_benchmarks.training import curve
 # What scores are kept; the returns of the episodes carry all that the intervals need.
 _SCORES = (
     *("mean", "std", "steps", "returns", "failures", "failures_by_cause", "successes", "cost_mean", "settled"),
-    *("settling_time", "latency_ms", "policy", "training_seconds", "seconds", "diverged"),
+    *("settling_time", "latency_ms", "policy", "training_seconds", "seconds", "diverged", "at_limit", "validation"),
 )
 _CURVE = ("steps", "mean", "failures")
 # What says which run it is; the rest of a configuration says by what it was made.
@@ -77,7 +77,7 @@ def recorded(run: Run, records: Path) -> Result | None:
 
 def place(run: Run, records: Path) -> Path:
     """The file with the record of a run."""
-    return records / f"{run.budget}-{run.suite}.jsonl"
+    return records / f"{run.budget}-{run.part}.jsonl"
 
 
 def keep(result: Result, records: Path) -> None:

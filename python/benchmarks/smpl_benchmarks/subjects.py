@@ -17,7 +17,7 @@ from smpl.learning.names import names
 from smpl.learning.plan import Task
 from smpl.registry import ENVIRONMENTS
 from smpl.support.arguments import as_count
-from smpl_benchmarks import configuration
+from smpl_benchmarks import configuration, controls, tracks
 
 SUITES, BUDGETS = ("control", "offline", "online"), ("smoke", "short", "paper")
 # Seeds of a run are apart from those of the next by more episodes than any budget has.
@@ -35,6 +35,7 @@ class Subject:
         controllers: names; the published mean and deviation over steps, where the paper has them.
         episodes: a run of each budget.
         few: episodes of the budget `short` of controllers whose decisions take long; they are the first of the others'.
+        validation: episodes on which rows are selected.
         steps: of a whole episode, where these are fewer than those of `smoke`.
     """
 
@@ -43,6 +44,7 @@ class Subject:
     episodes: dict[str, int]
     few: dict[str, int] = field(default_factory=dict)
     steps: int = _SMOKE_STEPS
+    validation: int = 0
 
     def count(self, controller: str, budget: str) -> int:
         """Episodes of a run."""
@@ -63,27 +65,38 @@ SUBJECTS = {
             "random": None,
         },
         _QUICK,
-        {"mpc": 50, "full_information": 50},
+        {"full_information": 50, "sampling": 50},
+        validation=50,
     ),
     "Beer": Subject(
         {"scenario": "legacy"},
         {"profile": None, "isothermal": None, "full_information": None, "nominal": None, "random": None},
         _QUICK,
         {"full_information": 10},
+        validation=50,
     ),
     "PenSim": Subject(
-        {}, {"recipe": None, "full_information": None, "nominal": None, "random": None}, _LONG, {"full_information": 2}
+        {},
+        {"recipe": None, "full_information": None, "nominal": None, "random": None},
+        _LONG,
+        {"full_information": 2, "sampling": 2},
+        validation=5,
     ),
     "Atropine": Subject(
-        {}, {"mpc": None, "zero": None, "full_information": None, "nominal": None}, _LONG, {"full_information": 2}
+        {},
+        {"mpc": None, "zero": None, "full_information": None, "nominal": None},
+        _LONG,
+        {"full_information": 2},
+        validation=20,
     ),
     "MAb": Subject(
         {},
         {"mpc": None, "empc": None, "full_information": None, "nominal": None},
         _LONG,
         {"mpc": 1, "empc": 1, "full_information": 1},
+        validation=4,
     ),
-    "MAbPlant": Subject({}, {"full_information": None, "nominal": None}, _LONG, {"full_information": 1}),
+    "MAbPlant": Subject({}, {"full_information": None, "nominal": None}, _LONG, {"full_information": 1}, validation=1),
 }
 # Episodes of a model of somebody's own.
 _OWN = {"smoke": 4, "short": 50, "paper": 500}
@@ -95,6 +108,7 @@ class Run:
 
     Attributes:
         model: path or id where `env` is no process of the package. It says where, not what: `described` leaves it out.
+        track: see `smpl_benchmarks.tracks`.
     """
 
     suite: str
@@ -107,6 +121,7 @@ class Run:
     arguments: dict[str, Any]
     settings: dict[str, Any] = field(default_factory=dict)
     model: str = ""
+    track: str = tracks.RESIDUAL
 
     def task(self) -> Task:
         """The environment that its scores are of."""
@@ -114,12 +129,18 @@ class Run:
 
     def described(self) -> dict[str, Any]:
         """What says which run it is, the same wherever the files lie."""
-        return {key: value for key, value in asdict(self).items() if key != "model"}
+        apart = ("model", "track") if self.track == tracks.RESIDUAL else ("model",)
+        return {key: value for key, value in asdict(self).items() if key not in apart}
+
+    @property
+    def part(self) -> str:
+        """The suite, with the track if it is not the residual one."""
+        return self.suite if self.track == tracks.RESIDUAL else f"{self.suite}-{self.track}"
 
     @property
     def name(self) -> str:
         """Suite, environment, controller and number."""
-        return f"{self.suite}/{self.env}/{self.controller}/seed-{self.number}"
+        return f"{self.part}/{self.env}/{self.controller}/seed-{self.number}"
 
     def folder(self, out: Path) -> Path:
         """Where it is kept."""
@@ -133,6 +154,7 @@ def runs(
     seeds: int,
     algorithms: Sequence[str] = (),
     config: str | os.PathLike[str] | None = None,
+    track: str = tracks.RESIDUAL,
 ) -> list[Run]:
     """All runs of a suite, with `algorithms` only those of these controllers and algorithms.
 
@@ -141,6 +163,7 @@ def runs(
         env: a process of the package or of `config`, the path of a model, an id, or several; all processes if none.
         algorithms: names of controllers and algorithms; all if empty.
         config: a YAML file over the configuration of the package.
+        track: of learned policies, see `smpl_benchmarks.tracks`.
 
     Raises:
         ValueError: no such suite, budget, environment or algorithm.
@@ -159,16 +182,22 @@ def runs(
         for name, (place, arguments) in places.items():
             beside = given["processes"].get(name, {}).get("controllers", {})
             subject = SUBJECTS[name] if not place else _subject(place, arguments, beside)
-            listed = subject.controllers if part == "control" else configuration.algorithms(given, part)
+            rivals = controls.known(name) if not place and budget != "smoke" else {}
+            listed = [*subject.controllers, *rivals] if part == "control" else configuration.algorithms(given, part)
             known |= set(listed)
             for one in listed:
                 if not algorithms or one in algorithms:
                     if part != "control":
                         settings = configuration.settings(given, part, name, one, budget)
+                        if track != tracks.RESIDUAL:
+                            settings = tracks.in_track(track, name, settings)
+                    elif one in rivals:
+                        settings = controls.settings(name, one)
                     else:
                         settings = _of_ones_own(str(beside[one]), place, arguments) if one in beside else {}
                     about = (part, budget, name, one)
-                    found += [_run(about, subject, number, settings, place) for number in range(count)]
+                    chosen = tracks.RESIDUAL if part == "control" else track
+                    found += [_run(about, subject, number, settings, place, chosen) for number in range(count)]
     for one in algorithms:
         one_of("algorithm", one, sorted(known))
     return found
@@ -262,12 +291,14 @@ def _of_ones_own(controller: str, model: str, arguments: Mapping[str, Any]) -> d
     return {"controller": controller, "identity": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
 
-def _run(about: tuple[str, str, str, str], subject: Subject, number: int, settings: dict[str, Any], model: str) -> Run:
+def _run(
+    about: tuple[str, str, str, str], subject: Subject, number: int, settings: dict[str, Any], model: str, track: str
+) -> Run:
     """A run of suite, budget, environment and controller."""
     budget, controller = about[1], about[3]
     few = {"max_steps": min(_SMOKE_STEPS, subject.steps)} if budget == "smoke" else {}
-    arguments = {**subject.arguments, **few}
-    return Run(*about, number, number * _APART, subject.count(controller, budget), arguments, settings, model)
+    arguments = {**subject.arguments, **tracks.TRACKS[track].arguments, **few}
+    return Run(*about, number, number * _APART, subject.count(controller, budget), arguments, settings, model, track)
 
 
 def one_of(what: str, value: str, known: Sequence[str]) -> None:

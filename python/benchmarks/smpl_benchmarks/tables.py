@@ -10,7 +10,8 @@ import numpy as np
 from smpl._native import __version__
 from smpl.learning.formulation import Formulation
 from smpl.learning.statistics import bootstrap, interquartile_mean
-from smpl_benchmarks.learned import PUBLISHED, inside_formulation
+from smpl_benchmarks.learned import inside_formulation
+from smpl_benchmarks.paper import LEARNED, plain
 from smpl_benchmarks.records import Result
 from smpl_benchmarks.subjects import SUBJECTS, Run
 
@@ -47,44 +48,10 @@ def table(
         row["gain_interval"] = list(bootstrap(compared)) if len(compared) else None
         row["better"] = [int((compared > 0).sum()), len(compared)] if len(compared) else None
         rows.append({**row, "changed": changed})
-    _add_common(rows, every, results)
     order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
     rows.sort(key=lambda row: order.index(row["env"]))
     suites = list(dict.fromkeys(one.suite for one in every))
     return {"suite": ", ".join(suites), "budget": every[0].budget, "smpl": __version__, "rows": rows}
-
-
-def _add_common(rows: Sequence[dict[str, Any]], every: Sequence[Run], results: Mapping[str, Result]) -> None:
-    """Adds `common` to the rows of most seeds: scores on the episodes that all of these rows of a process have run.
-
-    Each has `episodes`, the mean return `mean`, and the mean gain over the nominal policy `gain` with its `interval`.
-    """
-    for env in dict.fromkeys(row["env"] for row in rows):
-        mine = [row for row in rows if row["env"] == env and row.get("gain") is not None]
-        most = max((row["seeds"] for row in mine), default=0)
-        mine = [row for row in mine if row["seeds"] == most]
-        found = {id(row): _of((env, row["suite"], row["controller"]), every, results) for row in mine}
-        shortest: dict[int, int] = {}
-        for one in (one for all_of in found.values() for one in all_of):
-            count = len(one.scores["returns"])
-            shortest[one.run.number] = min(count, shortest.get(one.run.number, count))
-        nominal = _first_returns(_of((env, "control", "nominal"), every, results), shortest)
-        for row in mine:
-            returns = _first_returns(found[id(row)], shortest)
-            if len(returns) and len(returns) == len(nominal):
-                row["common"] = {
-                    "episodes": len(returns),
-                    "mean": float(returns.mean()),
-                    "gain": float((returns - nominal).mean()),
-                    "interval": list(bootstrap(returns - nominal)),
-                }
-
-
-def _first_returns(results: Sequence[Result], counts: Mapping[int, int]) -> np.ndarray:
-    """Returns of the first episodes of each seed, by the seed's number."""
-    ordered = sorted((one for one in results if one.run.number in counts), key=lambda one: one.run.number)
-    parts = [np.asarray(one.scores["returns"][: counts[one.run.number]], dtype=np.float64) for one in ordered]
-    return np.concatenate(parts) if parts else np.empty(0)
 
 
 def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str, Result]) -> list[Result]:
@@ -139,12 +106,10 @@ def _leads(mine: Sequence[Result], others: Sequence[Result]) -> np.ndarray:
 
 def _published(one: Run) -> tuple[float, float | None] | None:
     if one.suite == "control":
-        return SUBJECTS[one.env].controllers[one.controller] if one.env in SUBJECTS else None
-    # The row of the paper stands beside the algorithm, whichever package runs it.
-    plain = one.controller.removesuffix("-2022").removeprefix("RLlib-")
+        return SUBJECTS[one.env].controllers.get(one.controller) if one.env in SUBJECTS else None
     # Its figures belong to the original's behaviour.
     legacy = one.arguments.get("scenario") == "legacy"
-    return PUBLISHED.get((one.suite, one.env, plain)) if legacy else None
+    return LEARNED.get((one.suite, one.env, plain(one.controller))) if legacy else None
 
 
 _HEADINGS = (

@@ -19,7 +19,7 @@ COLUMNS = ("segment", "steps", "mean", "return_mean", "failures", "best", "secon
 # How packages say that a network has diverged.
 _NOT_FINITE = re.compile(r"\bnan\b|\binf\b|not finite|not a number", re.IGNORECASE)
 # What `validate` gives of a policy: mean over steps, mean return, failures.
-Validate = Callable[[str], tuple[float, float, int]]
+Validate = Callable[[Any], tuple[float, float, int]]
 
 
 class Trainer(Protocol):

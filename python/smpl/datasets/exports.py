@@ -7,6 +7,7 @@ import json
 import os
 import warnings
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -175,6 +176,7 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
         identifier: such as `smpl/reactor/nmpc-v0`.
         episodes: the episodes, each complete.
         env: the environment, its id or specification, a model's name or the path of one.
+            Its time limit is stored as `max_episode_steps` of the specification.
         texts: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`,
             `ref_min_score`, `ref_max_score` (give both or none), `data_format`, `requirements`.
 
@@ -209,7 +211,7 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
     here = gymnasium.make(env) if isinstance(env, (str, EnvSpec)) else env
     _check_spaces(here, episodes, buffers[0])
     _warn_unless_repeated(here, buffers[0])
-    made = minari.create_dataset_from_buffers(identifier, buffer=buffers, env=env, **texts)
+    made = minari.create_dataset_from_buffers(identifier, buffer=buffers, env=_limited(env, here), **texts)
     if isinstance(episodes, Dataset):
         made.storage.update_metadata({"smpl": description(episodes)})
     return made
@@ -222,6 +224,17 @@ def _described(env: Any) -> Any:
     task = Task.of(env)
     model = str(Path(env).resolve()) if Path(env).exists() else str(env)
     return EnvSpec(f"{task.model.name}-v0", entry_point="smpl.envs:Env", kwargs={"model": model})
+
+
+def _limited(env: Any, here: Any) -> Any:
+    """The specification with the time limit of the environment, which readers such as d3rlpy's `get_minari` require.
+
+    Environments of smpl are registered without it, because their own limit counts.
+    """
+    spec = here.spec if not isinstance(env, EnvSpec) else env
+    if spec is None or spec.max_episode_steps is not None or not isinstance(here.unwrapped, Env):
+        return env
+    return replace(spec, max_episode_steps=here.unwrapped.max_steps)
 
 
 def _check_spaces(env: Any, episodes: Iterable[Episode], first: Any) -> None:

@@ -43,6 +43,7 @@ class Summary:
         settling: time from which on the state stays near the steady one, NaN where it never does; none where the model
             has no steady state.
         start: observation of the reset, physical units.
+        at_limit: share of the actions, over all steps and names, that are at a limit of the action box.
     """
 
     index: int
@@ -60,6 +61,7 @@ class Summary:
     violated: int
     settling: float | None
     start: FloatArray
+    at_limit: float = 0.0
 
 
 @dataclass
@@ -123,6 +125,7 @@ class Score:
                 name: float(np.mean([one.violations[name] for one in every])) for name in every[0].violations
             },
             "violated_steps": float(sum(one.violated for one in every) / steps),
+            "at_limit": float(sum(one.at_limit * one.steps for one in every) / steps),
             "settled": len(settled) if aimed else None,
             "settling_time": float(np.median(settled)) if settled else None,
             "latency_ms": float(np.median(times)) if len(times) else None,
@@ -251,7 +254,17 @@ def summary(plan: Plan, job: Job, one: Episode, target: tuple[FloatArray, FloatA
         int(np.count_nonzero(one.costs[1:])),
         None if target is None else settling_time(one, *target),
         physical(plan, one.observations[0]),
+        _at_limit(plan, one),
     )
+
+
+def _at_limit(plan: Plan, one: Episode) -> float:
+    """Share of the actions of an episode within a millionth of the box's width of one of its limits."""
+    if one.applied is None:
+        return 0.0
+    low, high = plan.task.model.native.bounds("action")
+    near = np.minimum(one.applied - low, high - one.applied) <= 1e-6 * (high - low)
+    return float(np.mean(near)) if near.size else 0.0
 
 
 def settling_time(one: Episode, steady: FloatArray, width: FloatArray) -> float:

@@ -1,0 +1,252 @@
+"""Places of the page of results: tables and sentences that are made from the records alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from smpl_benchmarks import paper
+from smpl_benchmarks.comparison import (
+    THRESHOLDS,
+    Comparison,
+    aggregate,
+    better_than,
+    claim,
+    compared,
+    figures,
+)
+from smpl_benchmarks.controls import CONTROLS
+from smpl_benchmarks.records import Result
+from smpl_benchmarks.tracks import RESIDUAL, TRACKS
+
+_MARKS = {1: "+", 0: "", -1: "-"}
+
+
+def places(results: Sequence[Result]) -> dict[str, str]:
+    """Text of each place by its name, from finished runs of all suites and tracks."""
+    main = [one for one in results if one.run.track == RESIDUAL]
+    every = compared(main)
+    found = {
+        "best": headline(every),
+        "aggregate": aggregated(every),
+        "published": published(main),
+        "tracks": tracks(results, every),
+        "controls": budgets(every),
+    }
+    for one in every:
+        found |= {
+            f"comparison {one.env}": comparison(one),
+            f"claim {one.env}": sentence(one),
+            f"reference {one.env}": references(one),
+        }
+    return found
+
+
+def headline(every: Sequence[Comparison]) -> str:
+    """Per process the control and the learned policy that validation selects, and their difference in the test."""
+    head = [
+        "process",
+        "episodes",
+        "nominal",
+        "control",
+        "its gain",
+        "learned",
+        "its gain",
+        "learned - control",
+        "reference",
+    ]
+    lines = []
+    for one in every:
+        found = claim(one)
+        episodes = f"{len(one.nominal.starts)} x {one.nominal.returns.shape[1]}"
+        begin = [one.env, episodes, f"{one.nominal.returns.mean():.5g}"]
+        reference = f"{one.reference_gain:+.4g}"
+        if found is None:
+            lines.append([*begin, *["not validated", "", "", "", ""], reference])
+            continue
+        control, learned = (figures(one, row, None) for row in (found.control, found.learned))
+        verdict = {1: "**above**", 0: "not decided", -1: "**below**"}[found.sign]
+        difference = f"{found.difference:+.4g} ({_between(found.student)}), {verdict}"
+        lines.append(
+            [
+                *begin,
+                found.control.controller,
+                _gain(control),
+                found.learned.controller,
+                _gain(learned),
+                difference,
+                reference,
+            ]
+        )
+    return _table(head, lines, left=1)
+
+
+def sentence(one: Comparison) -> str:
+    """The claim of a process in words, with its intervals."""
+    found = claim(one)
+    if found is None:
+        return "No row of this process has validation scores, so that no policy is selected and nothing is claimed."
+    seeds, count = one.nominal.returns.shape
+    learned, control = found.learned.controller, found.control.controller
+    verdict = {
+        1: f"`{learned}` is above `{control}`",
+        0: f"the data do not decide between `{learned}` and `{control}`",
+        -1: f"`{learned}` is below `{control}`",
+    }[found.sign]
+    others = [row.controller for row, sign in better_than(one, found.control) if sign > 0 and row is not found.learned]
+    more = f"No other learned row has both intervals above `{control}`."
+    if others:
+        more = f"Other learned rows above `{control}`, without correction for their number: {', '.join(others)}."
+    return (
+        f"Validation selects the control `{control}` and the learned policy `{learned}`.\n"
+        f"On the {seeds} x {count} test episodes their returns differ by {found.difference:+.4g} per episode "
+        f"(95 % over seeds: bootstrap {_between(found.bootstrap)}, Student {_between(found.student)}): {verdict}.\n"
+        f"A training is better than the control with probability {found.probability:.2f}.\n{more}"
+    )
+
+
+def comparison(one: Comparison) -> str:
+    """Rows of a process on the same test episodes, by their gain."""
+    control = one.selected(("control",))
+    name = "selected control" if control is None else f"`{control.controller}`"
+    head = ["suite", "row", "return", "gain", "95 %", "better", f"over {name}", "validation", "at a limit", "failures"]
+    lines = []
+    for row in sorted(one.rows, key=lambda row: -float(row.returns.mean())):
+        mine = figures(one, row, control)
+        over = "" if mine["over"] is None else f"{mine['over']:+.4g} {_MARKS[mine['sign']]}".strip()
+        lines.append(
+            [
+                row.suite, row.controller, f"{mine['return']:.5g}", f"{mine['gain']:+.4g}", _between(mine["interval"]),
+                f"{mine['better']} of {row.returns.size}", over, _number(mine["validation"]), _share(mine["at_limit"]),
+                "" if mine["failures"] is None else str(mine["failures"]),
+            ]
+        )  # fmt: skip
+    text = _table(head, lines, left=2)
+    if one.left:
+        listed = "; ".join(f"{key} ({why})" for key, why in sorted(one.left.items()))
+        text += f"\nNot re-scored on these episodes, and therefore not in the table: {listed}.\n"
+    return text
+
+
+def references(one: Comparison) -> str:
+    """Controls on the episodes that slow ones have run too, with the reference."""
+    nominal = next(row for row in one.references if row.controller == "nominal")
+    head = ["row", "return", "gain over nominal", "below the reference"]
+    rows = [row for row in one.references if row.suite == "control" and row.controller != "random"]
+    best = next(row for row in rows if row.controller == "reference")
+    lines = []
+    for row in sorted(rows, key=lambda row: -float(row.returns.mean())):
+        gain, deficit = (row.returns - nominal.returns).mean(), (best.returns - row.returns).mean()
+        lines.append([row.controller, f"{row.returns.mean():.5g}", f"{gain:+.4g}", f"{deficit:.4g}"])
+    episodes = f"The first {nominal.returns.shape[1]} episodes of each of {len(nominal.starts)} blocks."
+    return f"{episodes}\n\n{_table(head, lines, left=1)}"
+
+
+def aggregated(every: Sequence[Comparison]) -> str:
+    """Interquartile means, performance profiles and probabilities of improvement over all processes."""
+    head = ["row", "IQM", "95 %", *(f"> {one:g}" for one in THRESHOLDS), "P(better than `constant`)"]
+    lines = [
+        [
+            row["row"], f"{row['iqm']:.3g}", _between(row["interval"]), *(f"{share:.2f}" for share in row["profile"]),
+            _number(row["improvement"]),
+        ]
+        for row in aggregate(every)
+    ]  # fmt: skip
+    return f"Processes: {', '.join(one.env for one in every)}.\n\n{_table(head, lines, left=1)}"
+
+
+def published(results: Sequence[Result]) -> str:
+    """Figures of the paper next to the rows of the same algorithm in both scenarios."""
+    head = ["process", "suite", "row", "paper", "ours, `legacy`", "ours, `default`", "task differs"]
+    known = len(paper.LEARNED)
+    return (
+        _table(head, paper.lines(results), left=3)
+        + f"\nThe paper has {paper.ROWS} rows of learned policies; {known} of their figures are known in this "
+        f"repository, the other {paper.ROWS - known} are not, and are left out rather than estimated.\n"
+    )
+
+
+def tracks(results: Sequence[Result], every: Sequence[Comparison]) -> str:
+    """Tracks with their finished runs, and a command for what is not trained."""
+    head = ["track", "process", "row", "seeds", "return", "gain over nominal", "episodes"]
+    lines, commands = [], []
+    for name, track in TRACKS.items():
+        if name == RESIDUAL or not track.learners:
+            continue
+        missing: dict[tuple[str, ...], list[str]] = {}
+        for env in track.processes or tuple(one.env for one in every):
+            found = {learner: [one for one in results if _in(one, name, env, learner)] for learner in track.learners}
+            lines += [_of_track(name, env, learner, mine, every) for learner, mine in found.items() if mine]
+            missing.setdefault(tuple(learner for learner, mine in found.items() if not mine), []).append(env)
+        commands += [_command(name, envs, learners) for learners, envs in missing.items() if learners]
+    text = _table(head, lines, left=3) if lines else ""
+    if commands:
+        text += "\nNot trained at this budget:\n\n```sh\n" + "\n".join(commands) + "\n```\n"
+    return text
+
+
+def _in(one: Result, track: str, env: str, learner: str) -> bool:
+    return (one.run.track, one.run.env, one.run.controller) == (track, env, learner)
+
+
+def _of_track(name: str, env: str, learner: str, mine: Sequence[Result], every: Sequence[Comparison]) -> list[str]:
+    returns = [value for one in mine for value in one.scores["returns"]]
+    begin = [name, env, learner, str(len(mine)), f"{sum(returns) / len(returns):.5g}"]
+    nominal = next((one.nominal for one in every if one.env == env), None)
+    # Drawn parameters make other episodes: there is no gain over the nominal policy of the main table.
+    if nominal is None or TRACKS[name].ranges:
+        return [*begin, "", str(len(returns))]
+    blocks = dict(zip(nominal.starts, nominal.returns, strict=True))
+    gains = [
+        float((np.asarray(one.scores["returns"][: len(blocks[one.run.seed])]) - blocks[one.run.seed]).mean())
+        for one in mine
+        if one.run.seed in blocks and len(one.scores["returns"]) >= len(blocks[one.run.seed])
+    ]
+    shown = f"{sum(gains) / len(gains):+.4g} ({', '.join(f'{gain:+.4g}' for gain in gains)})" if gains else ""
+    return [*begin, shown, str(len(returns))]
+
+
+def _command(track: str, envs: Sequence[str], learners: Sequence[str]) -> str:
+    which = " ".join([*(f"--env {env}" for env in envs), *(f"--algorithm {learner}" for learner in learners)])
+    return (
+        f"python -m smpl.benchmark --suite online --budget short --track {track} {which} "
+        "--out runs --resume --results docs/results/benchmark"
+    )
+
+
+def budgets(every: Sequence[Comparison]) -> str:
+    """Controls of each process with the budget of their tuning."""
+    head = ["process", "row", "method", "tuning"]
+    lines = []
+    for one in every:
+        for name, control in CONTROLS.get(one.env, {}).items():
+            run = any(row.controller == name for row in (*one.rows, *one.references))
+            lines.append([one.env, name, control.what, control.budget if run else f"{control.budget}; not run"])
+    return _table(head, lines, left=4)
+
+
+def _table(head: Sequence[str], lines: Sequence[Sequence[str]], left: int) -> str:
+    rule = "|" + " --- |" * left + " ---: |" * (len(head) - left)
+    return "\n".join([_line(head), rule, *map(_line, lines)]) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _gain(mine: Mapping[str, Any]) -> str:
+    return f"{mine['gain']:+.4g} ({_between(mine['interval'])})"
+
+
+def _between(ends: Sequence[float]) -> str:
+    return f"{ends[0]:+.4g} to {ends[1]:+.4g}"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:.0f} %"

@@ -1,0 +1,210 @@
+"""The benchmark's comparison: the same test episodes, intervals over training seeds, selection by validation."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+import smpl
+from smpl.benchmark import Run, benchmark, main, runs
+from smpl.learning.plan import Plan, Task
+from smpl.learning.scores import score
+from smpl_benchmarks import controls, paper, tune_controls
+from smpl_benchmarks.common import Row, check_same, common_rows, reference_of
+from smpl_benchmarks.comparison import claim, compare
+from smpl_benchmarks.places import places
+from smpl_benchmarks.records import Result, place
+from smpl_benchmarks.significance import (
+    improvement,
+    performance_profile,
+    stratified_bootstrap,
+    student,
+    supported,
+)
+
+
+def result(suite, controller, number, returns, validation=None, **scores):
+    run = Run(suite, "paper", "Tank", controller, number, number * 1_000_000, len(returns), {})
+    counts = {"failures": 0, "successes": 0, "seconds": 1.0, "steps": 10, "mean": 0.0, "std": 0.0}
+    curve = [] if suite == "control" or validation is None else [{"steps": 1.0, "mean": validation, "failures": 0.0}]
+    checked = {} if suite != "control" or validation is None else {"validation": {"mean": validation}}
+    return Result(run, {"returns": returns, **counts, **checked, **scores}, curve, {})
+
+
+# Gains over nominal per seed: tuned 1, 2, 3; learner 3, 5, 7; best on the test but not in validation: lucky 9, 9, 9.
+FOUND = [
+    *(result("control", "nominal", k, [0.0, 2.0], -9.0) for k in range(3)),
+    *(result("control", "tuned", k, [1.0 + k, 3.0 + k], 1.0) for k in range(3)),
+    *(result("control", "slow", k, [4.0]) for k in range(3)),
+    *(result("online", "PPO", k, [3.0 + 2 * k, 5.0 + 2 * k], 5.0) for k in range(3)),
+    *(result("online", "lucky", k, [9.0, 11.0], 0.0) for k in range(3)),
+    result("online", "once", 0, [50.0, 50.0], 50.0),
+]
+
+
+def test_profile_and_improvement_are_the_hand_worked_ones():
+    # Entries 1, 2, 3, 4: all above 0, two above 2, none above 4.
+    assert performance_profile([[1, 2], [3, 4]], [0, 2, 4]).tolist() == [1.0, 0.5, 0.0]
+    # Pairs (1, 0), (1, 2), (2, 0), (2, 2): won, lost, won, tied.
+    assert improvement([1, 2], [0, 2]) == 2.5 / 4
+    # Two tasks: 1 on the first, 1/2 on the second.
+    assert improvement([[1, 7], [2, 7]], [[0, 7], [0, 7]]) == 0.75
+
+
+def test_intervals_over_seeds_are_the_hand_worked_ones():
+    # Mean 2, standard deviation 1, quantile 4.3027 of two degrees of freedom, sqrt(3) = 1.7321.
+    assert student([1, 2, 3]) == pytest.approx((2 - 4.3027 / math.sqrt(3), 2 + 4.3027 / math.sqrt(3)))
+    assert student([5.0]) == (-math.inf, math.inf)
+    # A replicate of equal runs is the same matrix: 1 and 3 on the two tasks.
+    assert stratified_bootstrap([[1, 3], [1, 3]]) == (2.0, 2.0)
+    # Three seeds: all-lowest and all-highest replicates have probability 1/27 each, more than 2.5 %.
+    assert stratified_bootstrap([1, 2, 3]) == (1.0, 3.0)
+
+
+def test_a_bootstrap_of_three_seeds_alone_supports_nothing():
+    assert stratified_bootstrap([0.1, 2, 4])[0] > 0 > student([0.1, 2, 4])[0]
+    assert [supported(one) for one in ([0.1, 2, 4], [3, 3.1, 3.2], [-3, -3.1, -3.2], [0, 0, 0])] == [0, 1, -1, 0]
+
+
+def test_students_quantiles_are_those_of_scipy():
+    stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed")
+    for count in (2, 3, 10, 21):
+        values = np.arange(count, dtype=float)
+        half = stats.t.ppf(0.975, count - 1) * values.std(ddof=1) / math.sqrt(count)
+        assert student(values) == pytest.approx((values.mean() - half, values.mean() + half), rel=1e-4)
+
+
+def test_definitions_agree_with_rliable():
+    library = pytest.importorskip("rliable.library", reason="rliable is not installed")
+    metrics = pytest.importorskip("rliable.metrics", reason="rliable is not installed")
+    from smpl.learning.statistics import interquartile_mean
+
+    generator = np.random.default_rng(1)
+    first, second = generator.normal(size=(7, 3)), generator.normal(0.5, size=(5, 3))
+    assert interquartile_mean(first.ravel()) == pytest.approx(metrics.aggregate_iqm(first))
+    assert improvement(first, second) == pytest.approx(metrics.probability_of_improvement(first, second))
+    profile = [float(np.mean(first > tau)) for tau in (-1, 0, 1)]
+    assert performance_profile(first, [-1, 0, 1]).tolist() == profile
+    theirs = library.StratifiedBootstrap(first, random_state=np.random.RandomState(0))
+    ends = theirs.conf_int(metrics.aggregate_iqm, reps=2000, method="percentile").ravel()
+    assert stratified_bootstrap(first, interquartile_mean) == pytest.approx(tuple(ends), abs=0.08)
+
+
+def test_rows_without_the_common_episodes_are_left_out_by_name():
+    rows, left = common_rows(FOUND, 2)
+    assert [row.controller for row in rows] == ["nominal", "tuned", "PPO", "lucky"]
+    assert left == {
+        "control slow": "1 + 1 + 1 of 3 x 2 episodes",
+        "online once": "2 of 3 x 2 episodes",
+    }
+    # On one episode of each block the slow controller has its place.
+    assert "slow" in [row.controller for row in common_rows(FOUND, 1)[0]]
+
+
+def test_a_table_of_different_episodes_is_refused():
+    rows = common_rows(FOUND, 2)[0]
+    for change, what in (
+        ({"starts": (0, 1, 2)}, "episodes"),
+        ({"returns": np.zeros((3, 1))}, "episodes"),
+        ({"arguments": {"scenario": "legacy"}}, "arguments"),
+    ):
+        with pytest.raises(ValueError, match=f"rows of different {what} in one table: PPO has .*nominal"):
+            check_same([rows[0], dataclasses.replace(rows[2], **change)])
+
+
+def test_the_reference_is_the_best_control_of_each_episode():
+    rows = [Row("control", name, np.array([values]), (0,), {}) for name, values in (("a", [1, 5]), ("b", [4, 2]))]
+    assert reference_of(rows).returns.tolist() == [[4, 5]]
+
+
+def test_validation_selects_and_the_test_decides():
+    found = claim(compare("Tank", FOUND))
+    # `lucky` has the highest return in the test and is not selected.
+    assert (found.learned.controller, found.control.controller) == ("PPO", "tuned")
+    # Differences 2, 3, 4: Student's interval is 3 - 2.484 to 3 + 2.484.
+    assert found.difference == 3 and found.bootstrap == (2, 4) and found.sign == 1
+    assert found.student == pytest.approx((3 - 2.4842, 3 + 2.4842), abs=1e-4)
+    # Gains 3, 5, 7 against 1, 2, 3: eight pairs of nine are won and one is tied.
+    assert found.probability == pytest.approx(8.5 / 9)
+
+
+def test_a_claim_needs_validation_scores():
+    bare = [dataclasses.replace(one, curve=[], scores={**one.scores, "validation": None}) for one in FOUND]
+    assert claim(compare("Tank", bare)) is None
+    assert "nothing is claimed" in places(bare)["claim Tank"]
+
+
+def test_places_of_the_page_are_made_from_records():
+    found = places(FOUND)
+    assert (
+        found["best"].splitlines()[2].startswith("| Tank | 3 x 2 | 1 | tuned | +2 (+1 to +3) | PPO | +5 (+3 to +7) |")
+    )
+    assert "**above**" in found["best"]
+    lines = found["comparison Tank"].splitlines()
+    assert [line.split(" | ")[1] for line in lines[2:6]] == ["lucky", "PPO", "tuned", "nominal"]
+    assert "Not re-scored on these episodes" in found["comparison Tank"] and "online once" in found["comparison Tank"]
+    assert "`PPO` is above `tuned`" in found["claim Tank"]
+    # The slow controller counts for the reference: 4 on the first episodes, where `tuned` has 1, 2 and 3.
+    assert "| reference | 4 | +4 | 0 |" in found["reference Tank"]
+
+
+def test_every_published_figure_is_printed_with_its_mark():
+    text = places(FOUND)["published"]
+    assert text.count("\n| ") == len(paper.LEARNED) + len(paper.CONTROL) + 1
+    assert "| MAb | control | mpc | 1322.5 ± 174.75 | not run | not run | yes: scenario, reward |" in text
+    assert f"{paper.ROWS - len(paper.LEARNED)} are not" in text
+
+
+def test_tracks_have_runs_and_records_of_their_own():
+    pytest.importorskip("yaml")
+    (plain,) = runs("online", "short", "Reactor", 1, ["PPO"])
+    (raw,) = runs("online", "short", "Reactor", 1, ["PPO"], track="raw")
+    assert plain.settings["formulation"] and raw.settings["formulation"] == {} and raw.settings["train"] == {}
+    assert "track" not in plain.described() and raw.described()["track"] == "raw"
+    assert [place(one, controls.FILE.parent).name for one in (plain, raw)] == [
+        "short-online.jsonl",
+        "short-online-raw.jsonl",
+    ]
+    (partial,) = runs("online", "short", "Reactor", 1, ["SAC"], track="partial")
+    assert partial.task().model.level == "online"
+    (general,) = runs("online", "short", "Reactor", 1, ["PPO"], track="generalisation")
+    inner, outer = general.settings["curriculum"]["U"][0][1:], general.settings["randomize"]["U"]
+    assert outer[0] < inner[0] < inner[1] < outer[1]
+    for track, env, says in (
+        ("raws", "Beer", "track is 'raws'; there are: residual, raw"),
+        ("partial", "MAbPlant", "has no process 'MAbPlant'"),
+        ("constrained", "Beer", "is not trained"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            runs("online", "short", env, 1, ["PPO"], track=track)
+
+
+def test_a_control_is_tuned_on_training_starts_and_then_a_row(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("scipy")
+    small = dataclasses.replace(controls.CONTROLS["Beer"]["constant"], starts=2, evaluations=8)
+    monkeypatch.setitem(controls.CONTROLS, "Beer", {"constant": small})
+    out = tmp_path / "controls.json"
+    assert main(["controls", "--env", "Beer", "--search", str(tmp_path), "--out", str(out), "--workers", "1"]) == 0
+    found = json.loads(out.read_text())["Beer"]["constant"]
+    assert found["budget"] == "differential_evolution, 8 x 2 episodes" and "Beer constant:" in capsys.readouterr().out
+    # The value is the mean return of that temperature from the training starts: 9 + 7/2 (1 + share) degrees.
+    task = Task.of("smpl/Beer-v0", scenario="legacy")
+    temperature = smpl.controllers.Constant([9 + 3.5 * (1 + found["point"][0])])
+    same = score(Plan.of(task, temperature, 2, seed=tune_controls.TRAINING), 1, kept=0).returns.mean()
+    assert found["value"] == pytest.approx(same)
+    monkeypatch.setattr(controls, "FILE", out)
+    monkeypatch.setattr(controls.tuned, "__defaults__", (out,))
+    names = [one.controller for one in runs("control", "short", "Beer", 1)]
+    assert "constant" in names and "constant" not in [one.controller for one in runs("control", "smoke", "Beer", 1)]
+
+
+def test_the_share_of_actions_at_a_limit_is_recorded(tmp_path):
+    def share(temperature):
+        plan = Plan.of(Task.of("smpl/Beer-v0", max_steps=5), smpl.controllers.Constant([temperature]), 2)
+        return score(plan, 1, kept=0).report()["at_limit"]
+
+    assert [share(one) for one in (9.0, 12.0, 16.0)] == [1.0, 0.0, 1.0]
+    benchmark(tmp_path, env="Beer", algorithms=["isothermal"])
+    assert json.loads((tmp_path / "control/Beer/isothermal/seed-0/scores.json").read_text())["at_limit"] == 0.0
