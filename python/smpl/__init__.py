@@ -1,10 +1,10 @@
-"""smpl: process models in a declarative language, compiled to machine code, as Gymnasium environments.
+"""smpl: compiled process models in a declarative language, as Gymnasium environments.
 
     import gymnasium, smpl
     env = gymnasium.make("smpl/Reactor-v0")
 
-Importing the package registers the environments. `smpl.compile` makes a model of any `.eq` file and `smpl.Env(model)`
-an environment of it.
+Importing the package registers the environments. `smpl.compile` makes a model of any `.eq` file and
+`smpl.Env(model)` an environment of it.
 """
 
 import importlib
@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
-from smpl.analysis.fitting import Fit, fit
+from smpl.analysis.fitting import Fit, FitOptions, fit
 from smpl.envs import Env
 from smpl.model import CompileWarning, Model, compile
 from smpl.notebooks.live import Live, live
@@ -28,6 +28,7 @@ __all__ = [
     "Diagnostic",
     "Env",
     "Fit",
+    "FitOptions",
     "Live",
     "Model",
     "Picture",
@@ -47,14 +48,14 @@ _LAZY = ("controllers", "datasets", "deploy", "evaluation", "export", "jax", "op
 
 
 def __getattr__(name: str) -> ModuleType:
-    """Load the parts of the package that are reachable by name, but needed by few, when they are first used."""
+    """Loads parts of the package at their first use."""
     if name in _LAZY:
         return importlib.import_module(f"smpl.{name}")
     raise AttributeError(f"module 'smpl' has no attribute {name!r}", name=name)
 
 
 def load_ipython_extension(shell: Any) -> None:
-    """Add the cell magic `%%smpl NAME`: the model of the cell is checked, bound to the name, and shown."""
+    """Adds the cell magic `%%smpl NAME`, which checks, binds and shows a model."""
     from smpl.notebooks.magic import load
 
     load(shell)

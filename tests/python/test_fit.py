@@ -257,7 +257,9 @@ def slopes(model, record, parameters, initial=(), **options):
     """Jacobian of the weighted residuals by what is fitted, in units, and how it was computed."""
     from smpl.analysis.fitting import _Problem
 
-    problem = _Problem(model, record, parameters, None, None, tuple(initial), None, options.get("method", "auto"))
+    problem = _Problem(
+        model, record, parameters, smpl.FitOptions(initial=initial, method=options.get("method", "auto"))
+    )
     problem._choose(options.get("derivatives", "auto"))
     return problem._slopes(problem.guess / problem.scale) / problem.scale, problem._said()
 
@@ -336,7 +338,7 @@ def test_many_states_for_few_parameters_are_differences():
     from smpl.analysis.fitting import _Problem
 
     with pytest.warns(UserWarning, match="does not say where .* more started: the nominal start is taken"):
-        problem = _Problem(model, record, [model.parameter_names[0]], None, None, (), None, "auto")
+        problem = _Problem(model, record, [model.parameter_names[0]], smpl.FitOptions())
     problem._choose("auto")
     assert problem._said() == f"differences: exact ones would be by {len(model.state_names) + 1} numbers"
 

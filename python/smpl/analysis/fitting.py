@@ -1,7 +1,8 @@
-"""Parameters from recorded runs: weighted least squares with exact derivatives of the runs, see `fit`.
+"""Parameters from recorded runs by weighted least squares with exact derivatives.
 
-Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts, Nonlinear Regression
-Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's trust-region reflective Gauss-Newton.
+Y. Bard, Nonlinear Parameter Estimation (1974), chapters 4 and 7; D. M. Bates, D. G. Watts,
+Nonlinear Regression Analysis and Its Applications (1988), chapter 2. The optimiser is SciPy's
+trust-region reflective Gauss-Newton.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from smpl.analysis.sensors import sensors
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number, check_method, check_names, check_once
 from smpl.support.optional import load
+from smpl.support.options import Options, takes
 
 # Most rounds of estimating deviations.
 _ROUNDS = 20
 # Ratio of singular values below which a direction is not determined.
 _RANK = 1e-6
-# Residuals, over their deviations, from which on they are no noise.
+# Residuals over their deviations, above which they are not noise.
 _MISFIT = 1.5
 # Exact derivatives by all states cost more than differences by the fitted numbers above so many
 # states for each.
@@ -36,24 +38,26 @@ DERIVATIVES = ("auto", "exact", "differences")
 
 @dataclass(frozen=True)
 class Fit:
-    """What runs say about parameters.
+    """Result of a fit.
 
     Attributes:
         parameters: values by name.
-        interval: (low, high) by name, 95 %, from the linearisation; infinite where a parameter is not determined.
+        interval: (low, high) by name, 95 %, from the linearisation; infinite where a parameter is
+            not determined.
         covariance: of the parameters in the order of `names`, then of the initial states.
         residual_norm: root of the sum of squares of the residuals over their standard deviations.
         names: fitted parameters, then initial states as `run 0: NAME`.
         initial: the estimated initial states of each run.
         noise: standard deviation of each output, declared or estimated.
         indistinct: groups of parameters of which only a combination is determined.
-        residuals: measured less simulated of each run, output -> array over `times` (NaN where nothing was read).
+        residuals: measured less simulated of each run, output -> array over `times` (NaN where
+            nothing was read).
         evaluations: how many points were simulated.
         success: whether the optimiser converged.
         derivatives: `exact`, or `differences` with the reason.
-        at_bounds: those of `names` that lie at a bound of the file. Where there are any, the linearisation does not
-            show how far the runs determine a parameter: intervals are infinite, and `smpl.analysis.profiles.profile`
-            finds them.
+        at_bounds: those of `names` that lie at a bound of the file. Where there are any, the
+            linearisation does not show how far the runs determine a parameter: intervals are
+            infinite, and `smpl.analysis.profiles.profile` finds them.
         simulated: of each run at the values found, output -> array over `times`.
         times: of each run: the ends of its steps, and the times of samples between them.
         noise_known: whether all deviations are given or declared.
@@ -80,7 +84,7 @@ class Fit:
     _labels: tuple[dict[str, str], str] = field(repr=False)
 
     def figure(self) -> Any:
-        """Matplotlib figure of the runs with what was measured, and of the residuals (extra `report`)."""
+        """Matplotlib figure of runs, measurements and residuals (extra `report`)."""
         from smpl.analysis.fit_pictures import fit_figure
 
         return fit_figure(self.simulated, self.residuals, self.times, self.noise, *self._labels)
@@ -102,78 +106,79 @@ class Fit:
         return "\n".join([*rows, f"residual norm {self.residual_norm:.6g}"])
 
 
-def fit(
-    model: Model,
-    runs: Any,
-    parameters: Iterable[str] | Mapping[str, float],
-    *,
-    outputs: Iterable[str] | None = None,
-    noise: Mapping[str, float] | None = None,
-    initial: Iterable[str] = (),
-    fixed: Mapping[str, float] | None = None,
-    iterations: int = 50,
-    derivatives: str = "auto",
-    method: str | None = "auto",
-    resample: str = "hold",
-) -> Fit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FitOptions(Options):
+    """Options of `fit`.
+
+    Attributes:
+        outputs: names of observations or states that are compared; None for all observations that
+            the runs have.
+        noise: standard deviations of outputs by name, in their units.
+        initial: states with unknown initial values, which are estimated for each run.
+        fixed: values of other parameters by name.
+        iterations: limit of the optimiser's steps.
+        derivatives: `exact` (forward sensitivities), `differences` of simulations, or `auto`: exact
+            for models with few states, and differences if a step cannot be differentiated.
+            `Fit.derivatives` shows the choice and its reason.
+        method: integration method, see `smpl.Model.rollout`; None for the model's own.
+        resample: actions and disturbances between the times of a table with a column `time`: `hold`
+            or `linear`. Steps take the mean over their interval.
+    """
+
+    outputs: Iterable[str] | None = None
+    noise: Mapping[str, float] | None = None
+    initial: Iterable[str] = ()
+    fixed: Mapping[str, float] | None = None
+    iterations: int = 50
+    derivatives: str = "auto"
+    method: str | None = "auto"
+    resample: str = "hold"
+
+
+@takes(FitOptions)
+def fit(model: Model, runs: Any, parameters: Iterable[str] | Mapping[str, float], options: FitOptions) -> Fit:
     """Fit parameters to recorded runs.
 
-    The model is simulated with the recorded actions and disturbances from the recorded start, random numbers at their
-    means, and compared at the steps at which a sample was read for the first time. Residuals count over the standard
-    deviation of their output: that which `noise` gives, else that which the observation level declares, else one
-    that is estimated with the parameters (maximum likelihood).
+    The model is simulated with the recorded actions and disturbances from the recorded start,
+    random numbers at their means. It is compared at the steps at which a sample was read for the
+    first time. Residuals count over the standard deviation of their output: that which `noise`
+    gives, else that which the observation level declares, else one that is estimated with the
+    parameters (maximum likelihood).
 
     Args:
         model: any model, compiled with the observation level of the runs.
-        runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), of one run or several,
-            episodes of `smpl.evaluation`, or mappings from columns to arrays. Columns `param.NAME` are known values. A
-            data set, or its folder, is one run an episode.
+        runs: one or several: tables as `smpl simulate --out` writes them (.csv or .parquet), of one
+            run or several, episodes of `smpl.evaluation`, or mappings from columns to arrays.
+            Columns `param.NAME` are known values. A data set, or its folder, is one run an episode.
         parameters: names, or a mapping from names to first guesses; otherwise the declared values.
-        outputs: names of observations, else of states, that are compared; all observations that the runs have if none.
-        noise: standard deviations of outputs by name.
-        initial: states whose value at the start is not known and is estimated for each run.
-        fixed: values of other parameters by name.
-        iterations: limit of the optimiser's steps.
-        derivatives: `exact` (forward sensitivities), `differences` of simulations, or `auto`: exact for models with
-            no more than some eight states for each simulation that differences would take, and differences where a
-            step cannot be differentiated; `Fit.derivatives` says which it was, and why.
-        method: of integration, see `smpl.Model.rollout`; the model's own if none.
-        resample: course of actions and disturbances between the times of a table with a column `time`: `hold` or
-            `linear`. Steps take the mean over their interval.
+        options: `FitOptions`, and options as keyword arguments.
 
-    A table with a column `time` and no column `step` has rows at any times. Its values of states and observations are
-    samples taken at their times, empty cells are skipped, and the simulation is read there, also within steps. Inputs
-    hold from their time on if the first row, at 0, has one; otherwise up to their time, as in written tables.
+    A table with a column `time` and no column `step` has rows at any times. Its values of states
+    and observations are samples taken at their times, empty cells are skipped, and the simulation
+    is read there, also within steps. Inputs hold from their time on if the first row, at 0, has
+    one; otherwise up to their time, as in written tables.
 
     Raises:
-        ValueError: names that do not fit, runs without what is needed, or a parameter without any effect.
+        ValueError: names that do not fit, runs without what is needed, or a parameter without any
+            effect.
         SimulationError: `derivatives="exact"`, and a run has none.
         ImportError: SciPy is missing.
     """
-    if derivatives not in DERIVATIVES:
-        raise ValueError(f"derivatives is {derivatives!r}, expected one of {', '.join(DERIVATIVES)}")
-    if resample not in ("hold", "linear"):
-        raise ValueError(f"resample is {resample!r}, expected 'hold' or 'linear'")
-    names = (initial,) if isinstance(initial, str) else tuple(initial)
-    problem = _Problem(model, runs, parameters, outputs, noise, names, fixed, check_method(method), resample)
-    return problem.solve(as_count("iterations", iterations), derivatives)
+    if options.derivatives not in DERIVATIVES:
+        raise ValueError(f"derivatives is {options.derivatives!r}, expected one of {', '.join(DERIVATIVES)}")
+    if options.resample not in ("hold", "linear"):
+        raise ValueError(f"resample is {options.resample!r}, expected 'hold' or 'linear'")
+    problem = _Problem(model, runs, parameters, options)
+    return problem.solve(as_count("iterations", options.iterations), options.derivatives)
 
 
 class _Problem:
     def __init__(
-        self,
-        model: Model,
-        runs: Any,
-        parameters: Iterable[str] | Mapping[str, float],
-        outputs: Iterable[str] | None,
-        noise: Mapping[str, float] | None,
-        initial: tuple[str, ...],
-        fixed: Mapping[str, float] | None,
-        method: str | None,
-        resample: str = "hold",
+        self, model: Model, runs: Any, parameters: Iterable[str] | Mapping[str, float], options: FitOptions
     ) -> None:
-        self._method = method
-        self.model, self.fixed = model, dict(as_mapping("fixed", fixed))
+        self._method = check_method(options.method)
+        self.model, self.fixed = model, dict(as_mapping("fixed", options.fixed))
+        initial = (options.initial,) if isinstance(options.initial, str) else tuple(options.initial)
         check_names("fixed", self.fixed, model.parameter_names)
         guesses = dict(parameters) if isinstance(parameters, Mapping) else {}
         names = [parameters] if isinstance(parameters, str) else list(parameters)
@@ -183,16 +188,16 @@ class _Problem:
             raise ValueError("parameters is empty, expected names of parameters to fit")
         check_once("parameters", names)
         check_once("initial", initial)
-        self.runs = read_runs(model, runs, resample)
+        self.runs = read_runs(model, runs, options.resample)
         if not self.runs:
             raise ValueError("runs is empty, expected at least one run")
         self.parameters, self.initial = tuple(names), initial
         self.runs = without_computed(model, self.runs, {*self.parameters, *self.fixed})
         self._warn_of_starts()
         self._warn_of_draws()
-        self.outputs = self._chosen(outputs)
+        self.outputs = self._chosen(options.outputs)
         self._start(guesses)
-        self._weigh(as_mapping("noise", noise))
+        self._weigh(as_mapping("noise", options.noise))
         self.evaluations = 0
 
     def _warn_of_starts(self) -> None:
@@ -204,7 +209,7 @@ class _Problem:
                 text = (
                     f"{run.name} does not say where {shown} started: the nominal start is taken, or name it in initial"
                 )
-                warnings.warn(text, stacklevel=4)
+                warnings.warn(text, stacklevel=5)
 
     def _warn_of_draws(self) -> None:
         """Say which parameters are one number here, and several in the runs."""
@@ -212,7 +217,7 @@ class _Problem:
             values = [run.parameters[name] for run in self.runs if name in run.parameters]
             if values and min(values) != max(values):
                 text = f"{name} is fitted as one number, and was {min(values):.6g} to {max(values):.6g} in the runs"
-                warnings.warn(text, stacklevel=4)
+                warnings.warn(text, stacklevel=5)
 
     # What is fitted: the parameters, then the unknown initial states of each run, over their
     # scales.
@@ -272,7 +277,7 @@ class _Problem:
             spread = float(np.nanstd(np.concatenate([run.values(name) for run in self.runs])))
             sizes.append(deviation if deviation > 0 else spread or 1.0)
         self.noise, self._known = np.array(sizes), np.array(known)
-        # An exact fit would weigh without end: simulations are no closer to the truth than this.
+        # An exact fit would have infinite weight; the simulations have at least this error.
         self._least = 1e-6 * self.noise
         self._recorded = Recorded(
             self.model, self.runs, self.outputs, self.parameters, self.initial, self.fixed, declared, self._method
@@ -284,7 +289,7 @@ class _Problem:
                 raise ValueError(f"{run.name} has no value of {', '.join(self.outputs)}")
 
     def _mask(self, run: Run, declared: Any) -> Any:
-        """Samples (H + 1 + instants, outputs) that are read for the first time; a held reading counts once."""
+        """Samples (H + 1 + instants, outputs) at their first reading; held readings count once."""
         seen = self.model.observation_names
         mask = np.stack([np.isfinite(run.values(name)) for name in self.outputs], axis=1)
         steps = len(run.actions) + 1
@@ -323,7 +328,7 @@ class _Problem:
         return self._result(point, bool(found.success))
 
     def _choose(self, derivatives: str) -> None:
-        """Which derivatives are taken; exact ones are compared with a difference at the first point."""
+        """Chooses the derivatives; exact ones are compared with differences at the first point."""
         self._strict, self._unchecked = derivatives == "exact", True
         self._latest: tuple[bytes, FloatArray] = (b"", np.zeros((0, 0)))
         self._why: str | None = None if derivatives != "differences" else ""
@@ -332,7 +337,7 @@ class _Problem:
             self._why = f"exact ones would be by {columns} numbers"
 
     def _points(self, z: FloatArray) -> FloatArray:
-        """The point, and two beside it in each direction, (1 + 2 d, d), in units."""
+        """The point and two neighbours in each direction, (1 + 2 d, d), in units."""
         return beside(z, self.scale, self.low, self.high)
 
     def _residuals(self, z: FloatArray) -> FloatArray:
@@ -389,7 +394,7 @@ class _Problem:
         return np.where(np.isfinite(slope), slope, 0.0)
 
     def _agrees(self, z: FloatArray, slope: FloatArray) -> bool:
-        """Whether differences along one direction, at two distances that tell how good these are, say the same."""
+        """True if differences along one direction agree, within their error from two distances."""
         direction = np.where(np.arange(len(z)) % 2, -1.0, 1.0)
         steps = DISTANCE * np.array([1.0, -1.0, 3.0, -3.0])
         beyond = (z + steps[:, None] * direction) * self.scale
@@ -460,7 +465,7 @@ class _Problem:
                 f"the fit ends at a bound of {', '.join(at_bounds)}: intervals are infinite; widen the bound, or take "
                 "smpl.analysis.profiles.profile for intervals within it"
             )
-            warnings.warn(text, stacklevel=4)
+            warnings.warn(text, stacklevel=5)
         inside = zip(self.parameters, values[:count], half[:count], strict=True)
         interval = {name: (float(value - width), float(value + width)) for name, value, width in inside}
         if indistinct:
@@ -491,7 +496,7 @@ class _Problem:
         )
 
     def _warn_of_misfit(self, z: FloatArray) -> None:
-        """Residuals that a known deviation does not bear: the model is another one than that of the runs."""
+        """Residuals above a known deviation: the model does not describe the runs."""
         from scipy.stats import chi2
 
         residual = np.concatenate([one / self.noise for one in self._unweighted(z)])
@@ -501,18 +506,18 @@ class _Problem:
             if known and square > max(_MISFIT**2, chi2.ppf(1 - 1e-6, max(read.size, 1)) / max(read.size, 1)):
                 text = (
                     f"the residuals of {name} are {square**0.5:.3g} times the given noise: the model does not follow "
-                    "the runs, and the intervals are too narrow. Actions stand in the row in which their step ends"
+                    "the runs, and the intervals are too narrow. The row of an action is the one in which its step ends"
                 )
                 warnings.warn(text, stacklevel=5)
 
     def _said(self) -> str:
-        """Which derivatives were taken."""
+        """Kind of the derivatives, with the reason for differences."""
         if self._why is None:
             return "exact"
         return f"differences: {self._why}" if self._why else "differences"
 
     def _covariance(self, slope: FloatArray) -> tuple[FloatArray, tuple[tuple[str, ...], ...]]:
-        """Covariance by singular values; directions without information have an infinite variance."""
+        """Covariance by singular values; infinite variance in directions without information."""
         length = np.linalg.norm(slope, axis=0)
         _, singular, directions = np.linalg.svd(slope / length, full_matrices=False)
         weak = singular <= _RANK * singular[0]

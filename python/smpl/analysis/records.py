@@ -32,7 +32,7 @@ def read_runs(model: Model, runs: Any, resample: str = "hold") -> list[Run]:
     `resample` is the course of inputs between the times of a table, `hold` or `linear`.
 
     Raises:
-        ValueError: what is none, or lacks the actions; another model's data set.
+        ValueError: not a run, a run without actions, or another model's data set.
         FileNotFoundError: there is no such file.
         ImportError: pyarrow is missing.
     """
@@ -64,7 +64,7 @@ def _read(model: Model, run: Any, place: int, resample: str) -> list[Run]:
     """A run of any kind, or the runs of a table.
 
     Raises:
-        ValueError: it is none, or lacks the actions.
+        ValueError: it is not a run, or lacks the actions.
         FileNotFoundError: there is no such file.
     """
     if isinstance(run, (str, os.PathLike)):
@@ -80,7 +80,7 @@ def _read(model: Model, run: Any, place: int, resample: str) -> list[Run]:
 
 
 def read_table(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
-    """Columns of a CSV or Parquet file; empty cells are NaN, truth values 0 and 1, and other texts infinite.
+    """Columns of a CSV or Parquet file; empty cells are NaN, truth values 0 and 1, texts infinite.
 
     Raises:
         ValueError: no rows, a row of another length, or two columns of one name.
@@ -125,10 +125,11 @@ def _number(value: Any) -> float:
 
 
 def _separated(columns: Mapping[str, FloatArray], name: str) -> list[tuple[str, Mapping[str, FloatArray]]]:
-    """The runs of a table with their names: where a column `step` counts from 0 again, another one begins.
+    """The runs of a table with their names; a run begins where a column `step` is 0.
 
     Raises:
-        ValueError: the columns are not of one length, a run has no steps, or `step` does not count its rows.
+        ValueError: the columns are not of one length, a run has no steps, or `step` does not count
+            its rows.
     """
     lengths = {len(values) for values in columns.values()}
     if len(lengths) != 1 or min(lengths) < 2:
@@ -236,7 +237,7 @@ def _check_against_steps(times: FloatArray, step: float, name: str) -> None:
 def _by_time(
     model: Model, columns: Mapping[str, FloatArray], outputs: Mapping[str, FloatArray], name: str, resample: str
 ) -> Run:
-    """A run of a table whose rows have times of their own; every value of an output is a sample of its time."""
+    """A run of a table with a column of times; each value of an output is a sample at its time."""
     times, h = columns["time"], model.step
     sampled = np.any([np.isfinite(values) for values in outputs.values()], axis=0) if outputs else np.zeros(len(times))
     last = float(times[np.flatnonzero(sampled)[-1]]) if np.any(sampled) else 0.0
@@ -260,7 +261,7 @@ def _by_time(
 
 @dataclass(frozen=True)
 class _Course:
-    """How inputs go on between the times of a table."""
+    """Interpolation of inputs between the times of a table."""
 
     times: FloatArray
     step: float
@@ -270,7 +271,7 @@ class _Course:
     last: float
 
     def on_steps(self, values: FloatArray, column: str, name: str) -> FloatArray:
-        """A value for each step; the mean over it, with a warning, where a held input changes within one."""
+        """A value for each step; an input that changes within one is averaged, with a warning."""
         wrong = np.flatnonzero(np.isinf(values))
         if len(wrong):
             raise ValueError(f"{name}: {column} has no finite number in row {wrong[0]}")
@@ -288,14 +289,14 @@ class _Course:
             text = (
                 f"{name}: {column} changes within step {split + 1}; a step has one value of it, the mean over the step"
             )
-            warnings.warn(text, stacklevel=8)
+            warnings.warn(text, stacklevel=9)
         return np.array(found)
 
 
 def _placed(
     model: Model, times: FloatArray, outputs: Mapping[str, FloatArray], steps: int
 ) -> tuple[dict[str, FloatArray], tuple[tuple[int, float], ...], dict[str, FloatArray]]:
-    """Samples at the ends of steps, and those at instants of their own: within steps, or of rare or late sensors."""
+    """Samples at the ends of steps, and samples at other instants."""
     declared = sensors(model)
     seen = model.observation_names
     plain = {name: name not in seen or (declared.every[i] == 1 and declared.delay[i] == 0)
@@ -340,7 +341,7 @@ def _from_episode(model: Model, episode: Any, name: str) -> Run:
 
 
 def _drawn(details: Details) -> dict[str, Any]:
-    """Arguments of a run: discrete variables at the start, disturbances and parameters of an episode."""
+    """Arguments of a run: initial discrete variables, disturbances and parameters."""
     return {
         "discrete": {one: float(values[0]) for one, values in details.discrete.items()},
         "disturbances": {one: np.asarray(values, dtype=np.float64) for one, values in details.disturbances.items()},
@@ -349,7 +350,7 @@ def _drawn(details: Details) -> dict[str, Any]:
 
 
 def _check_given(model: Model, given: Details, name: str) -> None:
-    """Whether the model has what was drawn for an episode."""
+    """True if the model has the names drawn for an episode."""
     known = (
         ("parameters", given.parameters, model.parameter_names),
         ("discrete variables", given.discrete, model.discrete_names),
@@ -362,7 +363,7 @@ def _check_given(model: Model, given: Details, name: str) -> None:
 
 
 def without_computed(model: Model, runs: list[Run], moved: Iterable[str]) -> list[Run]:
-    """Runs that do not hold at its recorded value what the model computes from parameters that are moved."""
+    """Runs without recorded values that the model computes from fitted parameters."""
     follow = set.union(set(), *(_following(model, name) for name in moved)) - set(moved)
     return [_without_computed(model, run, sorted(follow & set(run.parameters))) for run in runs]
 
@@ -398,7 +399,7 @@ def _parameters(model: Model, given: Mapping[str, float]) -> dict[str, float]:
 
 
 def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
-    """An episode of a data set: its observations back in physical units, what is drawn or set as it was."""
+    """An episode of a data set with physical observations and its drawn or set values."""
     pairs = (("observations", model.observation_names), ("actions", model.action_names))
     for what, names in pairs:
         if tuple(manifest.names[what]) != names:

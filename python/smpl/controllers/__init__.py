@@ -1,22 +1,23 @@
-"""Controllers, estimators and baselines. They give actions in physical units, by the names of any model."""
+"""Controllers, estimators and baselines for any model; actions are in physical units."""
 
 import warnings
 from typing import Any
 
 from smpl.controllers.base import Constant, Controller, Nominal, OpenLoop, Policy, Uniform
 from smpl.controllers.baselines import baseline, baselines
-from smpl.controllers.bayesian import BayesianOptimization
+from smpl.controllers.bayesian import BayesianOptimization, BayesianOptions
 from smpl.controllers.beer import Profile, isothermal
 from smpl.controllers.functions import Function, Noisy
 from smpl.controllers.identity import Recorded
-from smpl.controllers.kalman import Consistency, ExtendedKalmanFilter, consistency
+from smpl.controllers.kalman import Consistency, EstimatorOptions, ExtendedKalmanFilter, consistency
 from smpl.controllers.lqr import LQG, LQR
-from smpl.controllers.moving_horizon import MovingHorizonEstimator
+from smpl.controllers.moving_horizon import MovingHorizonEstimator, MovingHorizonOptions
 from smpl.controllers.nmpc import NMPC
-from smpl.controllers.pid import PID, Cascade, Loops
+from smpl.controllers.nmpc_options import NMPCConstraints, NMPCObjective, NMPCOptions, NMPCPrediction, NMPCSolver
+from smpl.controllers.pid import PID, Cascade, Loops, PIDOptions
 from smpl.controllers.reactor import Proportional
 from smpl.controllers.safety import SafetyFilter
-from smpl.controllers.sampling import SamplingMPC
+from smpl.controllers.sampling import SamplingMPC, SamplingOptions
 from smpl.policies import as_policy
 
 __all__ = [
@@ -25,23 +26,33 @@ __all__ = [
     "NMPC",
     "PID",
     "BayesianOptimization",
+    "BayesianOptions",
     "Cascade",
     "Consistency",
     "Constant",
     "Controller",
+    "EstimatorOptions",
     "ExtendedKalmanFilter",
     "Function",
     "Loops",
     "MovingHorizonEstimator",
+    "MovingHorizonOptions",
+    "NMPCConstraints",
+    "NMPCObjective",
+    "NMPCOptions",
+    "NMPCPrediction",
+    "NMPCSolver",
     "Noisy",
     "Nominal",
     "OpenLoop",
+    "PIDOptions",
     "Policy",
     "Profile",
     "Proportional",
     "Recorded",
     "SafetyFilter",
     "SamplingMPC",
+    "SamplingOptions",
     "Uniform",
     "baseline",
     "baselines",

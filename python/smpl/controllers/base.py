@@ -17,6 +17,7 @@ from smpl.controllers.identity import Recorded
 from smpl.envs import Env
 from smpl.policies import Rows
 from smpl.support.arguments import FloatArray, as_count, as_vector, check_names, shorten
+from smpl.support.options import check_keywords, expanded
 from smpl.support.seeds import native_seed
 
 # Attribute of a controller that was reset.
@@ -41,7 +42,8 @@ class TakesWrapped(Recorded):
 
     Methods `reset` and `action`, and the making of a subclass, see the environment of smpl beneath.
 
-    `action` before `reset` is refused, unless a subclass with `needs_reset=False` needs no preparation by a reset.
+    `action` before `reset` is refused, unless a subclass with `needs_reset=False` needs no
+    preparation by a reset.
     """
 
     _needs_reset = True
@@ -64,7 +66,10 @@ def _made(method: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(method)
     def making(self: Any, *given: Any, **named: Any) -> Any:
-        _check_keywords(self, signature, named)
+        given, named = expanded(method, given, named)
+        foreign = getattr(self, "FOREIGN", {})
+        hints = {name: f"do-mpc's {name} is {other}" for name, other in foreign.items()}
+        check_keywords(type(self).__name__, signature, named, hints)
         if not hasattr(self, SHOWN):  # a subclass has its own arguments
             with contextlib.suppress(TypeError):  # the call reports what is wrong with them
                 bound = signature.bind(self, *given, **named)
@@ -72,24 +77,6 @@ def _made(method: Callable[..., Any]) -> Callable[..., Any]:
         return inner(self, *given, **named)
 
     return making
-
-
-def _check_keywords(controller: Any, signature: inspect.Signature, named: Mapping[str, Any]) -> None:
-    """Refuse keyword arguments that a controller does not have.
-
-    Raises:
-        TypeError: lists those that there are; for a name of another package the right one.
-    """
-    known = list(signature.parameters.values())[1:]
-    if any(one.kind is one.VAR_KEYWORD for one in known):
-        return
-    names = [one.name for one in known if one.kind is not one.VAR_POSITIONAL]
-    for name in named:
-        if name not in names:
-            who = type(controller).__name__
-            other = getattr(controller, "FOREIGN", {}).get(name)
-            hint = f"; do-mpc's {name} is {other}" if other else ""
-            raise TypeError(f"{who} has no argument {name!r}{hint}; there are: {', '.join(names)}")
 
 
 def _texts(signature: inspect.Signature, arguments: Mapping[str, Any]) -> Iterator[str]:
@@ -222,7 +209,7 @@ class Policy(TakesWrapped, needs_reset=False):
 
 
 class Nominal(TakesWrapped, needs_reset=False):
-    """The policy of `smpl simulate --policy nominal`: the model's policy `nominal`, else the nominal action."""
+    """The model's policy `nominal`, or the nominal action, as `smpl simulate --policy nominal`."""
 
     needs = "model"
 
@@ -279,7 +266,8 @@ class OpenLoop(TakesWrapped, needs_reset=False):
 
     Args:
         actions: one action a step, physical units.
-        hold: the last action is held when the sequence has ended; otherwise a step beyond it is an error.
+        hold: the last action is held when the sequence has ended; otherwise a step beyond it is an
+            error.
     """
 
     def __init__(self, actions: Iterable[npt.ArrayLike], *, hold: bool = False) -> None:

@@ -22,33 +22,56 @@ from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_numbers
 from smpl.support.clock import Clock
 from smpl.support.optional import load
+from smpl.support.options import Options, takes
 from smpl.support.searches import read_search
 
 Objective = Callable[[FloatArray], Any]
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class BayesianOptions(Options):
+    """Options of `BayesianOptimization`.
+
+    Attributes:
+        names: names of the numbers, for the file.
+        initial: points drawn at random before the Gaussian process is used.
+        batch: points in each call of the objective.
+        seed: of the random numbers.
+        file: a CSV file to continue from, and to write to.
+        decimals: points are rounded to so many decimals; None for no rounding.
+        candidates: random points, of which the one with the highest expected improvement is
+            improved further.
+        exploration: xi, by which the best value must be improved, over the deviation of the values.
+        refit: hyperparameters of the Gaussian process are fitted again when the evaluations have
+            grown by this share; 0 fits them before every batch. New values count in any case: only
+            lengths and variances wait.
+    """
+
+    names: Iterable[str] | None = None
+    initial: int = 10
+    batch: int = 1
+    seed: int = 0
+    file: str | Path | None = None
+    decimals: int | None = None
+    candidates: int = 2000
+    exploration: float = 0.01
+    refit: float = 0.1
+
+
 class BayesianOptimization:
     """Maximises a function of some numbers within a box, that is dear to evaluate.
 
-    `run(objective, evaluations)` does all; `ask` and `tell` are for what is evaluated elsewhere. With a file every
-    evaluation is written as it comes, and a search that was stopped goes on from there: the same points, in the same
-    order, as one that was not.
+    `run(objective, evaluations)` does all; `ask` and `tell` are for what is evaluated elsewhere.
+    With a file every evaluation is written at once, and an interrupted search continues from it
+    with the points that an uninterrupted one has.
 
     Args:
         low, high: the box, (d,); or a mapping from names to (low, high) as `low`.
-        names: of the numbers, for the file.
-        initial: points drawn at random, before the Gaussian process is used.
-        batch: points in each call of the objective.
-        seed: of the random numbers.
-        file: a CSV file to go on from, and to write to.
-        decimals: points are rounded so.
-        candidates: random points among which that of the highest expected improvement is improved further.
-        exploration: xi, by which the best value must be improved, over the deviation of the values.
-        refit: hyperparameters of the Gaussian process are fitted again when the evaluations have grown by this share;
-            0 fits them before every batch. What is new counts in any case: only lengths and variances wait.
+        options: `BayesianOptions`, and options as keyword arguments.
 
     Attributes:
-        fallbacks: points that were drawn at random because the Gaussian process could not be computed.
+        fallbacks: points that were drawn at random because the Gaussian process could not be
+            computed.
         last_status: reason of the last fallback.
 
     Raises:
@@ -56,21 +79,15 @@ class BayesianOptimization:
         ImportError: scikit-learn is missing.
     """
 
+    @takes(BayesianOptions)
     def __init__(
         self,
         low: npt.ArrayLike | Mapping[str, tuple[float, float]],
         high: npt.ArrayLike | None = None,
         *,
-        names: Iterable[str] | None = None,
-        initial: int = 10,
-        batch: int = 1,
-        seed: int = 0,
-        file: str | Path | None = None,
-        decimals: int | None = None,
-        candidates: int = 2000,
-        exploration: float = 0.01,
-        refit: float = 0.1,
+        options: BayesianOptions,
     ) -> None:
+        names, decimals, file, refit = options.names, options.decimals, options.file, options.refit
         if isinstance(low, Mapping):
             names, pairs = tuple(low), list(low.values())
             low, high = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
@@ -82,9 +99,9 @@ class BayesianOptimization:
         self.names = tuple(names) if names is not None else tuple(f"x{i}" for i in range(len(self.low)))
         if len(self.names) != len(self.low):
             raise ValueError(f"{len(self.names)} names for {len(self.low)} numbers")
-        self._initial, self._batch = as_count("initial", initial), as_count("batch", batch)
-        self._seed, self._decimals = as_count("seed", seed, 0, "an integer that is not negative"), decimals
-        self._candidates, self._exploration = as_count("candidates", candidates), float(exploration)
+        self._initial, self._batch = as_count("initial", options.initial), as_count("batch", options.batch)
+        self._seed, self._decimals = as_count("seed", options.seed, 0, "an integer that is not negative"), decimals
+        self._candidates, self._exploration = as_count("candidates", options.candidates), float(options.exploration)
         if not 0 <= refit <= 1:
             raise ValueError(f"refit is {refit}, expected a share from 0 to 1")
         self._refit, self._prior = float(refit), (0, _Prior(0.0, 1.0, None))
@@ -117,7 +134,8 @@ class BayesianOptimization:
         """Go on until so many evaluations are there, those of the file included.
 
         Args:
-            objective: of points (n, d), returns values (n,); a value that is not finite is taken as the worst one.
+            objective: of points (n, d), returns values (n,); a value that is not finite is taken as
+                the worst one.
             evaluations: in all.
             progress: called with the number of evaluations and the best value.
             seconds: no batch begins after so many; no limit if None.
@@ -165,7 +183,7 @@ class BayesianOptimization:
         return np.clip(np.round(point, self._decimals), self.low, self.high)
 
     def _proposed(self, points: FloatArray, values: FloatArray, generator: np.random.Generator) -> FloatArray:
-        """The most promising point, or a random one where the Gaussian process cannot be computed."""
+        """The most promising point, or a random one if the Gaussian process cannot be computed."""
         try:
             with _one_thread():
                 return self._most_promising(points, values, generator)
@@ -203,7 +221,7 @@ class BayesianOptimization:
         return (points - self.low) / (self.high - self.low)
 
     def _fitted(self) -> _Prior:
-        """The prior of the first evaluations, of so many that a search from a file has the same one."""
+        """Prior from the first evaluations, so that a search from a file has the same one."""
         count = last = max(self._initial, 2)
         while count <= len(self.values):
             last, count = count, max(count + 1, int(np.ceil(count * (1 + self._refit))))
@@ -268,7 +286,7 @@ def _usable(values: FloatArray) -> FloatArray:
 
 
 def _climbed(gains: Callable[[FloatArray], FloatArray], start: FloatArray) -> tuple[FloatArray, float]:
-    """The point of the unit box to which the gain grows from a start, and its gain; differences in one batch each."""
+    """Local maximum of the gain in the unit box from a start, and the gain there."""
     from scipy.optimize import minimize
 
     steps = 1e-6 * np.eye(len(start))
@@ -283,7 +301,7 @@ def _climbed(gains: Callable[[FloatArray], FloatArray], start: FloatArray) -> tu
 
 
 def expected_improvement(mean: FloatArray, spread: FloatArray, best: float, exploration: float = 0.0) -> FloatArray:
-    """Expected improvement over `best` of normal values with these means and standard deviations."""
+    """Expected improvement over `best` for normal values with means and standard deviations."""
     from scipy.special import ndtr
 
     gain = mean - best - exploration
@@ -295,7 +313,7 @@ def expected_improvement(mean: FloatArray, spread: FloatArray, best: float, expl
 def recipe_return(
     model: Model, state: npt.ArrayLike, actions: Callable[[FloatArray], FloatArray], **options: Any
 ) -> Objective:
-    """Objective: the return of the recipe that a point stands for, all points of a batch in one rollout on all cores.
+    """Objective: the return of a point's recipe; one rollout on all cores simulates a batch.
 
     Args:
         model: the model, with the reward that counts.
@@ -317,7 +335,7 @@ def _library() -> tuple[Any, Any]:
 
 
 def _one_thread() -> Any:
-    """Linear algebra on one thread: of matrices of this size more of them make it slower by an order of magnitude."""
+    """Linear algebra on one thread: for small matrices more threads are ten times slower."""
     from threadpoolctl import threadpool_limits  # scikit-learn depends on it
 
     return threadpool_limits(limits=1)

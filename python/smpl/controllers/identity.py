@@ -22,6 +22,7 @@ import numpy as np
 
 from smpl.envs import Interface
 from smpl.model import Model
+from smpl.support.options import expanded
 
 Description = dict[str, str]
 # Attribute with the constructor arguments of an object.
@@ -133,7 +134,8 @@ def _recording(method: Callable[..., Any]) -> Callable[..., Any]:
     def recording(self: Any, *given: Any, **named: Any) -> Any:
         if not hasattr(self, MADE_FROM):  # the outermost class has the arguments of the caller
             with contextlib.suppress(TypeError):  # the call itself reports wrong arguments
-                bound = signature.bind(self, *given, **named)
+                positional, keywords = expanded(method, given, named)
+                bound = signature.bind(self, *positional, **keywords)
                 bound.apply_defaults()
                 object.__setattr__(self, MADE_FROM, Arguments(dict(list(bound.arguments.items())[1:])))
         return method(self, *given, **named)

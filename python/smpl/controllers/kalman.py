@@ -13,6 +13,7 @@ from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_number
+from smpl.support.options import Options, takes
 
 
 @dataclass
@@ -49,7 +50,7 @@ class Innovation:
 
 @dataclass(frozen=True)
 class Consistency:
-    """A sum of squares over their expected deviations, against the chi-squared distribution that it should have.
+    """A sum of normalised squares compared with its chi-squared distribution.
 
     Attributes:
         square: the sum.
@@ -97,23 +98,48 @@ def consistency(square: float, degrees: int, level: float = 0.95) -> Consistency
     return Consistency(as_number("square", square), count, float(low), float(high))
 
 
-class ExtendedKalmanFilter(TakesWrapped):
-    """Extended Kalman filter from an observation level, its noise, rare samples and delays as the file declares them.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class EstimatorOptions(Options):
+    """Options of estimators: initial estimate, noise, and quantities estimated with the states.
 
-    The mean is predicted by the model's own step, the covariance by its exact derivative. A sample that arrives late is
-    taken up at the step at which it was taken, and the filter runs from there again. (D. Simon, Optimal State
-    Estimation, 2006, sections 13.2 and 10.5; covariance in Joseph's form.)
+    Attributes:
+        initial: mean of the states (and parameters) before the first reading, by name or as an
+            array of states.
+        deviation: their standard deviations, by name.
+        process_noise: standard deviation of the change that each step adds to a state, by name.
+        parameters: parameters to estimate with the states: name -> standard deviation of their
+            drift in a step.
+        noise: standard deviations of the readings by name; None for the declared ones.
+        p: values of parameters of the predicting model, by name.
+        disturbances: names of declared disturbances that are estimated with the states, by their
+            rules; None for all that are random or depend on their own values. Drawn parameters of
+            their rules are estimated too.
+    """
+
+    initial: Mapping[str, float] | FloatArray | None = None
+    deviation: Mapping[str, float] | None = None
+    process_noise: Mapping[str, float] | None = None
+    parameters: Mapping[str, float] | None = None
+    noise: Mapping[str, float] | None = None
+    p: Mapping[str, float] | None = None
+    disturbances: Iterable[str] | None = None
+
+    def prediction(self, model: Model) -> Prediction:
+        """The prediction of an estimator with these options."""
+        return Prediction(model, self.parameters, self.process_noise, self.noise, self.p, self.disturbances)
+
+
+class ExtendedKalmanFilter(TakesWrapped):
+    """Extended Kalman filter with the declared noise, rare samples and delays of a level.
+
+    The mean is predicted by the model's own step, the covariance by its exact derivative. A sample
+    that arrives late is taken up at the step at which it was taken, and the filter runs from there
+    again. (D. Simon, Optimal State Estimation, 2006, sections 13.2 and 10.5; covariance in Joseph's
+    form.)
 
     Args:
         model: a model, or an environment; its observation level is what is read.
-        initial: mean of the states (and parameters) before the first reading, by name or as an array of states.
-        deviation: their standard deviations, by name.
-        process_noise: standard deviation of what each step adds to a state, by name.
-        parameters: parameters to estimate with the states: name -> standard deviation of their drift in a step.
-        noise: standard deviations of the readings by name, instead of the declared ones.
-        p: values of parameters of the model that predicts.
-        disturbances: names of declared disturbances that are estimated with the states, by their rules; if none, all
-            that are random or go on from their own values. Drawn parameters of their rules are estimated too.
+        options: `EstimatorOptions`, and options as keyword arguments.
 
     Attributes:
         covariance: of the estimate.
@@ -123,24 +149,14 @@ class ExtendedKalmanFilter(TakesWrapped):
         derivatives: `exact`, or in how many steps of the episode they were differences, and why.
     """
 
-    def __init__(
-        self,
-        model: Model | Env,
-        *,
-        initial: Mapping[str, float] | FloatArray | None = None,
-        deviation: Mapping[str, float] | None = None,
-        process_noise: Mapping[str, float] | None = None,
-        parameters: Mapping[str, float] | None = None,
-        noise: Mapping[str, float] | None = None,
-        p: Mapping[str, float] | None = None,
-        disturbances: Iterable[str] | None = None,
-    ) -> None:
+    @takes(EstimatorOptions)
+    def __init__(self, model: Model | Env, options: EstimatorOptions) -> None:
         self.model = model if isinstance(model, Model) else model.model
-        self.prediction = Prediction(self.model, parameters, process_noise, noise, p, disturbances)
-        self.prediction.check_start(initial, deviation, "not negative")
+        self.prediction = options.prediction(self.model)
+        self.prediction.check_start(options.initial, options.deviation, "not negative")
         self.prediction.check_readings()
         self.sees = self.model.level
-        self._initial, self._deviation = initial, deviation
+        self._initial, self._deviation = options.initial, options.deviation
         self._past: list[_Instant] = []
         self._innovations: dict[int, Innovation] = {}
         self._last = Innovation()
@@ -162,10 +178,10 @@ class ExtendedKalmanFilter(TakesWrapped):
         return self._last.square
 
     def consistency(self, level: float = 0.95) -> Consistency:
-        """Normalised innovations squared of the episode, summed, against their chi-squared distribution.
+        """Sum of the episode's normalised innovations squared, and its chi-squared band.
 
-        A sum above its band means that the filter trusts itself too much: raise `process_noise`, `deviation` or
-        `noise`, or estimate what the model has wrong.
+        A sum above its band means that the filter trusts itself too much: raise `process_noise`,
+        `deviation` or `noise`, or estimate what the model has wrong.
 
         Raises:
             ValueError: there were no readings.
@@ -216,7 +232,7 @@ class ExtendedKalmanFilter(TakesWrapped):
         return self._past[-1].mean[: self.prediction.states].copy()
 
     def _sort_in(self, env: Env) -> int:
-        """Put what arrives at the steps where it was taken; returns the place of the earliest one."""
+        """Adds arriving samples to the steps of their sampling; returns the earliest place."""
         readings, earliest = env.reading, len(self._past) - 1
         base = self._past[0].step
         for taken, places in self.prediction.sensors.arriving(env.steps).items():

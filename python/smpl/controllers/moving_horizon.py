@@ -8,20 +8,20 @@ trust-region reflective Gauss-Newton.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from smpl.controllers.base import TakesWrapped, require_reset
-from smpl.controllers.estimation import Prediction, discrete_of
-from smpl.controllers.kalman import Consistency, consistency, correct, predict
+from smpl.controllers.estimation import discrete_of
+from smpl.controllers.kalman import Consistency, EstimatorOptions, consistency, correct, predict
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count
 from smpl.support.clock import Clock, as_seconds
 from smpl.support.optional import load
+from smpl.support.options import takes
 
 # Deviation of a certain value, in parts of its size.
 _CERTAIN = 1e-7
@@ -56,58 +56,59 @@ class _Best:
             self.point, self.cost = point.copy(), cost
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MovingHorizonOptions(EstimatorOptions):
+    """Options of `MovingHorizonEstimator` in addition to `EstimatorOptions`.
+
+    Attributes:
+        horizon: length of the window in control steps, longer than the longest delay of a reading.
+            Deviations of `EstimatorOptions` must be positive.
+        iterations: limit of the optimiser's evaluations, after which the present point is used.
+        budget: seconds for an update, after which the optimiser stops and the best estimate so far
+            is used; None for no limit.
+    """
+
+    horizon: int = 10
+    iterations: int = 6
+    budget: float | None = None
+
+
 class MovingHorizonEstimator(TakesWrapped):
     """Least squares over a window of steps, within the bounds that the model declares.
 
-    Minimises the squares of what was read less what the states of its steps would read, of what each step adds to the
-    model's own step, and of the distance of the window's first state from what was known of it (the arrival cost), each
-    over its standard deviation. Samples count at the step at which they were taken.
+    Minimises a sum of squares over standard deviations: of measured less predicted readings, of the
+    noise of each step, and of the deviation from the prior estimate (the arrival cost). Samples
+    count at the step at which they were taken.
 
     Args:
         model: a model, or an environment; its observation level is what is read.
-        horizon: length of the window in steps.
-        initial, deviation, process_noise, parameters, noise, p, disturbances: as for `ExtendedKalmanFilter`, but that
-            deviations must be positive.
-        iterations: limit of the optimiser's evaluations; what it has reached then is taken.
-        budget: seconds of an update after which the optimiser stops, and the best estimate that it has reached is
-            taken; no limit if None.
+        options: `MovingHorizonOptions` or `EstimatorOptions`, and options as keyword arguments;
+            `horizon` may follow the model by position.
 
     Attributes:
-        failures: how often the optimiser failed, so that the prediction was taken; the first time warns.
+        failures: how often the optimiser failed, so that the prediction was taken; the first time
+            warns.
         unfinished: how often the budget ended the optimiser.
         last_status: reason of the last failure or of the last end by the budget.
-        square: sum of the weighted squares over the window; with the noises that there are its expected value is the
-            number of the readings in the window, `degrees`.
+        square: sum of the weighted squares over the window; with the noises that there are its
+            expected value is the number of the readings in the window, `degrees`.
         derivatives: as of `ExtendedKalmanFilter`.
     """
 
-    def __init__(
-        self,
-        model: Model | Env,
-        horizon: int = 10,
-        *,
-        initial: Mapping[str, float] | FloatArray | None = None,
-        deviation: Mapping[str, float] | None = None,
-        process_noise: Mapping[str, float] | None = None,
-        parameters: Mapping[str, float] | None = None,
-        noise: Mapping[str, float] | None = None,
-        p: Mapping[str, float] | None = None,
-        iterations: int = 6,
-        budget: float | None = None,
-        disturbances: Iterable[str] | None = None,
-    ) -> None:
+    @takes(MovingHorizonOptions, "horizon")
+    def __init__(self, model: Model | Env, options: MovingHorizonOptions) -> None:
         self.model = model if isinstance(model, Model) else model.model
-        self.prediction = Prediction(self.model, parameters, process_noise, noise, p, disturbances)
-        self.prediction.check_start(initial, deviation, "positive")
+        self.prediction = options.prediction(self.model)
+        self.prediction.check_start(options.initial, options.deviation, "positive")
         self.prediction.check_readings()
-        longest = self.prediction.sensors.longest
-        self.horizon = as_count("horizon", horizon, longest + 1, f"an integer above the longest delay, {longest}")
+        longest, expected = self.prediction.sensors.longest, "an integer above the longest delay"
+        self.horizon = as_count("horizon", options.horizon, longest + 1, f"{expected}, {longest}")
         self.sees = self.model.level
         self.failures, self.unfinished, self.square, self.degrees = 0, 0, 0.0, 0
         self.last_status = ""
-        self._budget = None if budget is None else as_seconds("budget", budget)
-        self._iterations = as_count("iterations", iterations)
-        self._initial, self._deviation = initial, deviation
+        self._budget = None if options.budget is None else as_seconds("budget", options.budget)
+        self._iterations = as_count("iterations", options.iterations)
+        self._initial, self._deviation = options.initial, options.deviation
         self._window: list[_Instant] = []
 
     @property
@@ -116,7 +117,7 @@ class MovingHorizonEstimator(TakesWrapped):
         return dict(zip(self.prediction.names, self._window[-1].point.tolist(), strict=True))
 
     def consistency(self, level: float = 0.95) -> Consistency:
-        """Weighted squares of the window against the chi-squared distribution that they should have.
+        """Sum of the window's weighted squares, and its chi-squared band.
 
         Raises:
             ValueError: there were no readings.
@@ -149,7 +150,7 @@ class MovingHorizonEstimator(TakesWrapped):
         return self._window[-1].point[: self.prediction.states].copy()
 
     def _advance(self, env: Env) -> None:
-        """Take in the last action and what arrived; forget the oldest step, of which the arrival cost is kept."""
+        """Adds the last action and new samples; the oldest step becomes the arrival cost."""
         discrete, nominal = discrete_of(env), self.model.native.defaults("action")
         if not self._window:
             self._window = [_Instant(env.steps, self.prediction.clipped(self._mean), discrete, nominal)]

@@ -1,4 +1,4 @@
-"""Nonlinear and economic model predictive control of any model, by direct collocation (extra `mpc`: CasADi).
+"""Nonlinear and economic model predictive control by direct collocation (extra `mpc`).
 
 The equations are those of the model itself, exported as CasADi functions. J. B. Rawlings, D. Q.
 Mayne, M. Diehl, Model Predictive Control (2017); offset-free tracking by a disturbance estimate: G.
@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 import types
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ from smpl.controllers.collocation import NODES, Limit, Task, Transcription
 from smpl.controllers.names import operating_action
 from smpl.controllers.nmpc_given import Given
 from smpl.controllers.nmpc_model import Expressions
-from smpl.controllers.nmpc_objective import Cost, Objective, by_action, row_sizes
+from smpl.controllers.nmpc_objective import Objective, by_action, row_sizes
+from smpl.controllers.nmpc_options import NMPCOptions
 from smpl.controllers.nmpc_plugins import Settings
 from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.controllers.nmpc_starts import Finer
@@ -29,8 +30,8 @@ from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number
 from smpl.support.clock import as_seconds
 from smpl.support.names import listing
+from smpl.support.options import takes
 
-Bounds = Mapping[str, tuple[float | None, float | None]]
 # Further first guesses for an economic cost.
 _STARTS = 3
 # A prediction is right if no state is further off, over the range that it passes through.
@@ -38,72 +39,41 @@ _RIGHT = 0.05
 
 
 class NMPC(TakesWrapped):
-    """Nonlinear model predictive control: the best actions over a horizon, of which the first one is applied.
+    """Nonlinear model predictive control: applies the first of the best actions over a horizon.
 
     Args:
-        env_or_model: the model that predicts, or an environment of it. The plant may be another one that has its states
-            and actions: another scenario, variant, or other parameters.
-        horizon: intervals of the model's step.
-        cost: name of a declared reward, to be maximised, the default one if None; or weights by names of states,
-            outputs, observations and actions, of squared distances from their set-points; or a function of a mapping
-            from names to CasADi expressions that returns what is to be minimised.
-        set_point: of what is weighed: a number, or a function of the time, known over the horizon. By default values at
-            the model's steady state.
-        terminal: weights at the end of the horizon; those of `cost` if None.
-        rate_weight: by names of actions, of squared changes from one interval to the next.
-        integrate: the cost is the mean over each interval instead of the value at its end.
-        bounds: (low, high) by names, None for an open end; instead of declared ones.
-        path: bounds hold at the nodes inside of each interval too, if what is bounded has a value there (it has none if
-            it reads integrals or earlier values); a start out of bounds may come back in time. Else at the ends alone.
-        hard: names of those that must hold; all others may be broken at the price of `soft_weight`.
-        declared: bounds of states, failures and constraints that the model declares are bounds too (soft).
-        margin: by how much declared bounds are tightened, relative to the range (to the bound, where one is infinite).
-        soft_weight: price of a broken bound over the size of its quantity; large against the scaled cost, which is of
-            the order of 10.
-        rate_limit: largest change of an action from one step to the next, by names.
-        shrinking: the horizon ends with the episode, as that of a batch does (its rewards count, none behind them).
-        hold: move blocking: actions change every so many intervals; or the lengths of the moves, the last one going on.
-        part: states, components or arrays that are predicted; the others stay at what the plant shows.
-        actions: names of those that are chosen; those that the predicted equations read if None.
-        rest: a controller that chooses the other actions; they stay at the operating ones if None.
-        forecast: what is known beforehand of parameters, disturbances and other actions, by names: numbers, arrays with
-            a value for each step of the episode, or functions of the time.
-        p: values of parameters of the model that predicts, by name; `"episode"` takes those of the plant's episode.
-        estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`; the state of the environment if None. Parameters
-            that it estimates are used.
-        offset_free: estimate a constant disturbance of each rate from the errors of the predictions, so that outputs
-            end at their set-points under wrong parameters and unmeasured disturbances.
-        filter: share of each new error in that estimate, 0 to 1.
-        solver: `fatrop`, `ipopt`, `sqp` (with `iterations=1`: real-time iterations), or `auto`: `sqp` from a warm start
-            where the problem is small and the cost a sum of squares, else `fatrop`. IPOPT is tried where another fails.
-        iterations: limit of the solver; its own if None.
-        budget: seconds that a decision may take, with IPOPT; then what is reached is used if it meets the equations,
-            else the last plan goes on.
-        time_limit: seconds after which the solvers of a decision stop, whatever they are; a fallback counts.
-        starts: further first guesses where there is no last plan, of sixty simulated ones; the cheapest of what they
-            lead to counts. If None, 3, or 0 with a budget or where the cost is a sum of squares.
-        nodes, degree, elements: collocation by Radau's nodes or Gauss' with the end, so many on an element, so many
-            elements on an interval.
-        smooth: as for `smpl.export.casadi`.
-        tolerance: of the solver.
-        keep_warm_start: carry the last plan into the next episode.
+        env_or_model: the predicting model, or an environment of it. The plant may be another one
+            with its states and actions: another scenario, variant, or other parameters.
+        options: `NMPCOptions` or groups of them (`NMPCObjective`, `NMPCConstraints`,
+            `NMPCPrediction`, `NMPCSolver`), and options as keyword arguments; `horizon` and `cost`
+            may follow the model by position.
 
     Attributes:
-        decisions, fallbacks, retries: how many decisions there were; those in which nothing was found, so that the last
-            plan (or the least broken bounds) counted; those in which IPOPT found what the solver had not.
-        unfinished: decisions in which no solver came to its end, and the best plan of theirs counted, which is better
-            than to go on and keeps what must hold: kinks of the model do that.
+        decisions: number of decisions.
+        fallbacks: decisions without a solution, which continue the last plan, or use the one that
+            violates the bounds least.
+        retries: decisions that IPOPT solved after the solver had failed.
+        unfinished: decisions without convergence, which use the best plan found if it is better
+            than the last one and keeps hard bounds; kinks of the model cause them.
         times: seconds of each decision.
-        plan, predicted: the actions (H, actions chosen) and states (H + 1, states) of the last solution.
-        last_status: results of the solvers that the last decision called, in their order: `fatrop: solved`.
+        plan, predicted: the actions (H, actions chosen) and states (H + 1, states) of the last
+            solution.
+        last_status: results of the solvers that the last decision called, in their order: `fatrop:
+            solved`.
         conflicts: bounds that could not be held in the last decision.
         disturbance: estimated change of each state in a step.
-        error: of the prediction of the episode's first plan: how far the states are at most off what four times as many
-            elements say, over the range that each passes through.
+        error: prediction error of the episode's first plan: the largest difference of a state from
+            a prediction with four times as many elements, over the range of the state.
 
     Raises:
         ImportError: CasADi is missing.
-        ValueError: names, shapes or bounds that do not fit; the message says which, and what there is.
+        ValueError: names, shapes or bounds that do not fit; the message names them and lists the
+            valid ones.
+        TypeError: an unknown option, or one that is given twice.
+
+    Example:
+        controller = NMPC(env, 20, {"c_A": 100}, rate_weight={"T_c": 1e-4})
+        controller = NMPC(env, NMPCObjective(cost={"c_A": 100}), NMPCSolver(solver="ipopt"))
     """
 
     # Names of do-mpc, with what does the same here.
@@ -135,77 +105,31 @@ class NMPC(TakesWrapped):
         hint = f"; do-mpc's {name} is {self.FOREIGN[name]}" if name in self.FOREIGN else ""
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{hint}", name=name, obj=self)
 
-    def __init__(
-        self,
-        env_or_model: Env | Model,
-        horizon: int = 20,
-        cost: Cost = None,
-        *,
-        set_point: Mapping[str, Any] | None = None,
-        terminal: Mapping[str, float] | None = None,
-        rate_weight: Mapping[str, float] | None = None,
-        integrate: bool = False,
-        bounds: Bounds | None = None,
-        path: bool = True,
-        hard: Iterable[str] = (),
-        declared: bool = True,
-        margin: float = 1e-4,
-        soft_weight: float = 1e3,
-        rate_limit: Mapping[str, float] | None = None,
-        shrinking: bool = False,
-        hold: int | Iterable[int] = 1,
-        part: Iterable[str] | None = None,
-        actions: Iterable[str] | None = None,
-        rest: Any = None,
-        forecast: Mapping[str, Any] | None = None,
-        p: Mapping[str, float] | str | None = None,
-        estimator: Any = None,
-        offset_free: bool = False,
-        filter: float = 1.0,
-        solver: str = "auto",
-        iterations: int | None = None,
-        budget: float | None = None,
-        time_limit: float = 60.0,
-        starts: int | None = None,
-        nodes: str = "radau",
-        degree: int = 3,
-        elements: int = 1,
-        smooth: float = 0.0,
-        tolerance: float = 1e-8,
-        keep_warm_start: bool = False,
-    ) -> None:
+    @takes(NMPCOptions, "horizon", "cost")
+    def __init__(self, env_or_model: Env | Model, options: NMPCOptions) -> None:
         self.model = env_or_model.model if isinstance(env_or_model, Env) else env_or_model
         if not isinstance(self.model, Model):
             raise TypeError(f"env_or_model is {type(env_or_model).__name__}, expected an smpl.Env or an smpl.Model")
-        self.horizon = as_count("horizon", horizon)
-        _one_of("solver", solver, SOLVERS)
-        _one_of("nodes", nodes, NODES)
-        self._expressions = Expressions(self.model, part, smooth)
-        self.action_names = self._choose_actions(actions)
-        objective = Objective(self._expressions, self.action_names, cost, terminal, rate_weight, integrate)
-        limits = self._limits(bounds, tuple(hard), declared, margin, as_number("soft_weight", soft_weight))
-        self._given = Given(self._expressions, self.horizon, p, forecast, set_point, objective.targets)
-        self._offset_free, self._filter = bool(offset_free), as_number("filter", filter)
-        task = self._task(objective, limits, hold, rate_limit, rate_weight, bool(shrinking))
-        task.integrate, task.kind, task.degree = bool(integrate), nodes, as_count("degree", degree)
-        task.elements, task.path = as_count("elements", elements), bool(path)
-        budget = None if budget is None else as_seconds("budget", budget)
-        if budget is not None and solver not in ("auto", "ipopt"):
-            raise ValueError(f"budget is kept by IPOPT alone: give solver='ipopt', or iterations= to limit {solver}")
-        if budget is not None and starts:
-            raise ValueError("a budget has no time for further starts: give one of budget= and starts=")
-        solver = "ipopt" if budget is not None else solver
-        if starts is None:
-            starts = 0 if objective.convex or budget is not None else _STARTS
-        starts = as_count("starts", starts, 0, "a number of first guesses, 0 or more")
-        limits_of_solver = None if iterations is None else as_count("iterations", iterations)
-        settings = Settings(solver, as_number("tolerance", tolerance), limits_of_solver, budget)
-        self._solver = Solver(Transcription(task), settings, starts, as_seconds("time_limit", time_limit))
+        self.horizon = as_count("horizon", options.horizon)
+        _one_of("solver", options.solver, SOLVERS)
+        _one_of("nodes", options.nodes, NODES)
+        self._expressions = Expressions(self.model, options.part, options.smooth)
+        self.action_names = self._choose_actions(options.actions)
+        objective = Objective(
+            self._expressions, self.action_names, options.cost, options.terminal, options.rate_weight, options.integrate
+        )
+        self._given = Given(
+            self._expressions, self.horizon, options.p, options.forecast, options.set_point, objective.targets
+        )
+        self._offset_free, self._filter = bool(options.offset_free), as_number("filter", options.filter)
+        task = self._task(objective, self._limits(options), options)
+        settings, starts = _settings(options, objective.convex)
+        self._solver = Solver(Transcription(task), settings, starts, as_seconds("time_limit", options.time_limit))
         self._finer: Finer | None = None
         # A result that was stopped early does not solve the equations yet.
-        self._comparing = budget is None and iterations is None
-        self._rest, self._estimator, self._keep = rest, estimator, bool(keep_warm_start)
-        self.sees = getattr(estimator, "sees", "state")
+        self._comparing = options.budget is None and options.iterations is None
+        self._rest, self._estimator, self._keep = options.rest, options.estimator, bool(options.keep_warm_start)
+        self.sees = getattr(self._estimator, "sees", "state")
         self.decisions = self.fallbacks = self.retries = self.unfinished = 0
         self.times: list[float] = []
         self.conflicts: list[str] = []
@@ -220,7 +144,8 @@ class NMPC(TakesWrapped):
         """Forget the last episode.
 
         Raises:
-            ValueError: the environment has not the states, actions or step of the model that predicts.
+            ValueError: the environment has not the states, actions or step of the model that
+                predicts.
         """
         self._check(env)
         self._given.begin(env, self._estimator)
@@ -284,12 +209,11 @@ class NMPC(TakesWrapped):
             raise ValueError(f"actions: unknown {what}; there are: {listing(names, self.model.action_units)}")
         return tuple(name for name in names if name in wanted)
 
-    def _limits(
-        self, given: Bounds | None, hard: tuple[str, ...], declared: bool, margin: float, weight: float
-    ) -> list[Limit]:
-        e, own = self._expressions, dict(as_mapping("bounds", given))
+    def _limits(self, options: NMPCOptions) -> list[Limit]:
+        e, own, hard = self._expressions, dict(as_mapping("bounds", options.bounds)), tuple(options.hard)
+        margin, weight = options.margin, as_number("soft_weight", options.soft_weight)
         found = []
-        for name, expression, low, high in e.limits() if declared else []:
+        for name, expression, low, high in e.limits() if options.declared else []:
             if name in own:
                 continue
             # A lone root function or violation is 0 at its bound.
@@ -307,29 +231,29 @@ class NMPC(TakesWrapped):
             raise ValueError(f"hard: no bound of {', '.join(map(repr, unknown))}; there are bounds of: {known}")
         return found
 
-    def _task(
-        self, objective: Objective, limits: list[Limit], hold: Any, rate_limit: Any, rate_weight: Any, shrinking: bool
-    ) -> Task:
+    def _task(self, objective: Objective, limits: list[Limit], options: NMPCOptions) -> Task:
         e = self._expressions
         import casadi as ca
 
-        free = _moves(hold, self.horizon)
-        rates = by_action("rate_limit", rate_limit, self.model, self.action_names, np.inf)
+        free = _moves(options.hold, self.horizon)
+        rates = by_action("rate_limit", options.rate_limit, self.model, self.action_names, np.inf)
         everything = ca.vertcat(e.equations, objective.stage, objective.last, *(one.expression for one in limits))
         if e.integral.numel():
             everything = ca.vertcat(everything, e.call(e.export.integrals))
         offsets = [f"offset:{name}" for name in e.state_names] if self._offset_free else []
-        keys = (*e.given(everything, self.action_names), *offsets, *(["within:episode"] if shrinking else []))
+        keys = (*e.given(everything, self.action_names), *offsets, *(["within:episode"] if options.shrinking else []))
         self._given.prepare(keys)
         reads_before = any(symbol.name().startswith("before:") for symbol in ca.symvar(everything))
         at = [self.model.action_names.index(name) for name in self.action_names]
         low, high = self.model.native.bounds("action")
         return Task(
-            e, self.horizon, self.action_names, objective.stage, objective.last, False, limits, keys,
+            e, self.horizon, self.action_names, objective.stage, objective.last, bool(options.integrate), limits, keys,
             self._given.varying, free, rates, low[at], high[at],
             offset=self._offset_free,
-            remembers=reads_before or not all(free) or bool(np.isfinite(rates).any()) or bool(rate_weight),
+            remembers=reads_before or not all(free) or bool(np.isfinite(rates).any()) or bool(options.rate_weight),
             factor=objective.factor(self._given), convex=objective.convex, rows=row_sizes(e, self._given),
+            kind=options.nodes, degree=as_count("degree", options.degree),
+            elements=as_count("elements", options.elements), path=bool(options.path),
         )  # fmt: skip
 
     # Decisions.
@@ -401,7 +325,7 @@ class NMPC(TakesWrapped):
         return solution
 
     def _mistake(self, given: tuple[Any, ...], solution: Solution) -> tuple[float, str]:
-        """The error of a prediction, and in which state it is; as far as the finer equations could be solved."""
+        """The error of a prediction and its state, where the finer equations are solved."""
         if self._finer is None:
             self._finer = Finer(Transcription(solution.programme.task))
         right = self._finer.states(given, solution.actions)
@@ -436,6 +360,23 @@ class NMPC(TakesWrapped):
         else:
             self.plan, self.predicted = old.actions, old.states
         return old
+
+
+def _settings(options: NMPCOptions, convex: bool) -> tuple[Settings, int]:
+    """Settings of the solver, and the number of further initial guesses."""
+    solver, starts = options.solver, options.starts
+    budget = None if options.budget is None else as_seconds("budget", options.budget)
+    if budget is not None and solver not in ("auto", "ipopt"):
+        raise ValueError(f"budget is kept by IPOPT alone: give solver='ipopt', or iterations= to limit {solver}")
+    if budget is not None and starts:
+        raise ValueError("a budget has no time for further starts: give one of budget= and starts=")
+    if starts is None:
+        starts = 0 if convex or budget is not None else _STARTS
+    iterations = None if options.iterations is None else as_count("iterations", options.iterations)
+    settings = Settings(
+        "ipopt" if budget is not None else solver, as_number("tolerance", options.tolerance), iterations, budget
+    )
+    return settings, as_count("starts", starts, 0, "a number of first guesses, 0 or more")
 
 
 def _pair(name: str, given: Any) -> tuple[float, float]:

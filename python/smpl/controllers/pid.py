@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,71 +25,86 @@ from smpl.controllers.names import Measured, action_index, measured, operating_a
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_finite_number, as_mapping, as_number
+from smpl.support.options import Options, takes
 
 SetPoint = float | Callable[[float], float]
 FORMS = ("positional", "velocity")
 ANTI_WINDUP = ("back_calculation", "clamping", "none")
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PIDOptions(Options):
+    """Options of `PID`.
+
+    Attributes:
+        integral_time, derivative_time: T_i and T_d in the model's unit of time; infinite and 0 for
+            none.
+        set_point: in the unit of the measurement, or a function of the time; None for the model's
+            steady state.
+        filter: N, the largest gain of the derivative over K.
+        set_point_weight: b.
+        form: `positional`, or `velocity`, which computes changes of the action and cannot wind up.
+        anti_windup: of the positional form: `back_calculation` with the tracking time, `clamping`
+            (no integration that would drive a saturated action further) or `none`.
+        tracking_time: T_t in the model's unit of time; None for sqrt(T_i T_d), or T_i if T_d is 0.
+        low, high: limits of the action in its unit; None for its box.
+        bumpless: the first action of an episode is the operating action: the integral is
+            initialised accordingly.
+        sees: `observation` (`env.reading`) or `state`.
+    """
+
+    integral_time: float = math.inf
+    derivative_time: float = 0.0
+    set_point: SetPoint | None = None
+    filter: float = 10.0
+    set_point_weight: float = 1.0
+    form: str = "positional"
+    anti_windup: str = "back_calculation"
+    tracking_time: float | None = None
+    low: float | None = None
+    high: float | None = None
+    bumpless: bool = False
+    sees: str = "observation"
+
+
 class PID(TakesWrapped):
-    """One control loop: an action by a measurement. Several are put together by `Loops`, two in series by `Cascade`.
+    """One control loop, an action by a measurement; `Loops` has several, `Cascade` a series.
 
     Args:
         measurement: name of an observation, or of a state with `sees="state"`.
         action: name of the action.
-        gain: K, units of the action over those of the measurement; negative where a larger action lowers the
-            measurement.
-        integral_time, derivative_time: T_i and T_d in the model's unit of time; infinite and 0 for none.
-        set_point: in the unit of the measurement, or a function of the time; that of the model's steady state if none.
-        filter: N, the largest gain of the derivative over K.
-        set_point_weight: b.
-        form: `positional`, or `velocity`, which computes changes of the action and cannot wind up.
-        anti_windup: of the positional form: `back_calculation` with the tracking time, `clamping` (no integration that
-            would drive a saturated action further) or `none`.
-        tracking_time: T_t; the root of T_i T_d, or T_i without derivative, if none.
-        low, high: limits of the action instead of its box.
-        bumpless: the first action of an episode is the operating one: the integral begins where that needs it.
-        sees: `observation` (`env.reading`) or `state`.
+        gain: K, units of the action over those of the measurement; negative where a larger action
+            lowers the measurement.
+        options: `PIDOptions`, and options as keyword arguments; `integral_time` and
+            `derivative_time` may follow `gain` by position.
+
+    Example:
+        PID("T", "T_c", -2.0, 5.0, set_point=52.0)
+        PID("T", "T_c", -2.0, PIDOptions(integral_time=5.0, set_point=52.0))
     """
 
-    def __init__(
-        self,
-        measurement: str,
-        action: str,
-        gain: float,
-        integral_time: float = math.inf,
-        derivative_time: float = 0.0,
-        *,
-        set_point: SetPoint | None = None,
-        filter: float = 10.0,
-        set_point_weight: float = 1.0,
-        form: str = "positional",
-        anti_windup: str = "back_calculation",
-        tracking_time: float | None = None,
-        low: float | None = None,
-        high: float | None = None,
-        bumpless: bool = False,
-        sees: str = "observation",
-    ) -> None:
+    @takes(PIDOptions, "integral_time", "derivative_time")
+    def __init__(self, measurement: str, action: str, gain: float, options: PIDOptions) -> None:
+        form, anti_windup, tracking_time = options.form, options.anti_windup, options.tracking_time
         if form not in FORMS or anti_windup not in ANTI_WINDUP:
             raise ValueError(
                 f"form is {form!r}, anti_windup {anti_windup!r}; there are: {', '.join(FORMS)} and "
                 f"{', '.join(ANTI_WINDUP)}"
             )
-        if form == "velocity" and math.isinf(integral_time):
+        if form == "velocity" and math.isinf(options.integral_time):
             raise ValueError("the velocity form without an integral does not know its set-point: give integral_time")
         self.measurement, self.manipulated = measurement, action
-        self.set_point: SetPoint | None = set_point
-        self.view = sees
-        self.form, self.anti_windup, self.bumpless = form, anti_windup, bool(bumpless)
+        self.set_point: SetPoint | None = options.set_point
+        self.view = options.sees
+        self.form, self.anti_windup, self.bumpless = form, anti_windup, bool(options.bumpless)
         self._tracking = None if tracking_time is None else as_finite_number("tracking_time", tracking_time)
         if self._tracking is not None and self._tracking <= 0:
             raise ValueError(f"tracking_time is {tracking_time!r}, expected a positive number")
-        self._limits = _limits(low, high)
+        self._limits = _limits(options.low, options.high)
         self.gain = self.integral_time = self.derivative_time = self.filter = self.set_point_weight = 0.0
         self.interval = 1.0
         self.low, self.high = -math.inf, math.inf
-        self._set(gain, integral_time, derivative_time, filter, set_point_weight)
+        self._set(gain, options.integral_time, options.derivative_time, options.filter, options.set_point_weight)
         self._measured: Measured | None = None
         # The model of which the sign of the gain was looked at; with other loops it does not follow
         # from this one.
@@ -104,7 +120,8 @@ class PID(TakesWrapped):
 
         Args:
             action: what the integral begins with.
-            measurement: if given, the integral begins where the first action is `action` whatever the error.
+            measurement: if given, the integral begins where the first action is `action` whatever
+                the error.
             set_point: at the beginning, for that.
         """
         proportional = 0.0 if measurement is None else self.gain * (self.set_point_weight * set_point - measurement)
@@ -131,7 +148,7 @@ class PID(TakesWrapped):
         return action
 
     def tune(self, **changes: float) -> None:
-        """Change gain, integral_time, derivative_time, filter or set_point_weight without a jump of the action."""
+        """Changes gain, times, filter or set_point_weight without a jump of the action."""
         known = ("gain", "integral_time", "derivative_time", "filter", "set_point_weight")
         wrong = [name for name in changes if name not in known]
         if wrong:
@@ -145,7 +162,7 @@ class PID(TakesWrapped):
             self._integral += old - new
 
     def track(self, action: float) -> None:
-        """Continue from an action that was applied instead of the last one, manually or by another controller."""
+        """Continues from an action applied instead of the last one, as by an operator."""
         if self.form == "positional":
             self._integral += action - self._applied
         self._applied = action
@@ -286,7 +303,7 @@ def _limits(low: float | None, high: float | None) -> tuple[float | None, float 
 
 
 class Loops(TakesWrapped):
-    """Several loops at once, each with its own action; the other actions stay at the operating ones.
+    """Several loops, each with its own action; other actions stay at the operating point.
 
     Args:
         loops: `PID` or `Cascade`.
@@ -319,7 +336,7 @@ class Loops(TakesWrapped):
             self._warn_of_signs(env)
 
     def _warn_of_signs(self, env: Env) -> None:
-        """Warn where no stable combination of integrating loops has these signs: det(G K) must be positive.
+        """Warns if no integrating loops with these signs are stable: det(G K) must be positive.
 
         A. Niederlinski, Automatica 7 (1971) 691-701.
         """
@@ -350,8 +367,10 @@ class Cascade(TakesWrapped):
     """Two loops in series: the outer one chooses the set-point of the inner one.
 
     Args:
-        outer: its `action` names the inner loop's measurement; `low` and `high` limit that set-point.
-        inner: its `set_point` is not looked at but at the beginning, where it is the outer loop's operating point.
+        outer: its `action` names the inner loop's measurement; `low` and `high` limit that
+            set-point.
+        inner: its `set_point` is not looked at but at the beginning, where it is the outer loop's
+            operating point.
         every: the outer loop is updated every so many steps.
     """
 

@@ -1,4 +1,4 @@
-"""Predictive control by sampling: many sequences of actions are simulated by the model itself, and the good ones count.
+"""Predictive control by sampling: the model simulates many sequences of actions.
 
 Model predictive path integral: G. Williams, A. Aldrich, E. A. Theodorou, Journal of Guidance,
 Control, and Dynamics 40 (2017) 344-357; cross-entropy: R. Y. Rubinstein, D. P. Kroese, The
@@ -9,6 +9,7 @@ actions are possible.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,40 +21,78 @@ from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_number, as_numbers, check_names, refuse_past
 from smpl.support.names import listing
+from smpl.support.options import Options, takes
 
 METHODS = ("mppi", "cem")
 Cost = Callable[[Rollout, FloatArray], Any]
 Guess = Callable[[Env, int], Any]
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SamplingOptions(Options):
+    """Options of `SamplingMPC`.
+
+    Attributes:
+        horizon: number of control steps that are predicted.
+        samples: sequences of actions in each iteration, at least 4.
+        iterations: improvements of the distribution in a decision.
+        method: `mppi` (weights by the exponential of the cost) or `cem` (mean and deviation of the
+            best samples).
+        cost: name of a reward of the model, which is maximised; None for the chosen one. Or a
+            function of the `Rollout` and the actions (N, H, actions) that returns costs to
+            minimise, (N,) or (N, H).
+        discount: factor of the cost of each further step.
+        temperature: of `mppi`, relative to the distance from the best cost of a decision to the
+            median.
+        elites: share of the samples that `cem` keeps.
+        deviation: standard deviations by names of actions, in their units; None for a quarter of
+            the box.
+        hold: number of steps for which a sampled change of the plan is held (move blocking).
+        every: number of steps between two decisions; in between the last plan continues.
+        integer: names of actions with integer values.
+        guess: function (env, horizon) that returns actions (H, actions) or (K, H, actions), which
+            are tried in addition to the samples; the first one is the initial plan. None for the
+            operating action.
+        p: parameters of the predicting model by name.
+        outputs: the rollout has algebraic outputs, for the cost.
+        estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`; None for the state of the
+            environment.
+        seed: distinguishes controllers in the same episode; random numbers depend on it and on the
+            episode.
+        failure_cost: added for each step that a failed sequence falls short of the horizon; None
+            for a value above the costs of all sequences without failure.
+    """
+
+    horizon: int = 20
+    samples: int = 256
+    iterations: int = 3
+    method: str = "mppi"
+    cost: str | Cost | None = None
+    discount: float = 1.0
+    temperature: float = 0.1
+    elites: float = 0.1
+    deviation: Mapping[str, float] | None = None
+    hold: int = 1
+    every: int = 1
+    integer: Iterable[str] = ()
+    guess: Guess | None = None
+    p: Mapping[str, float] | None = None
+    outputs: bool = False
+    estimator: Any = None
+    seed: int = 0
+    failure_cost: float | None = None
+
+
 class SamplingMPC(TakesWrapped):
     """Sampling-based model predictive control of any model.
 
     Args:
-        model: the model that predicts, or an environment of it; None for that of the plant, from where the environment
-            is (its snapshot: discrete variables, phases and delayed readings included). Another model, or other
-            parameters, begin at the state of the environment, or at the estimate.
-        horizon: steps.
-        samples: sequences of actions in each iteration.
-        iterations: how often the distribution is improved in a decision.
-        method: `mppi` (weights by the exponential of the cost) or `cem` (mean and deviation of the best).
-        cost: name of a reward of the model, to be maximised, the chosen one if None; or a function of the `Rollout` and
-            the actions (N, H, actions) that returns costs to be minimised, (N,) or (N, H).
-        discount: factor of each further step.
-        temperature: of `mppi`, over the distance from the best cost of a decision to the median.
-        elites: share of the samples that `cem` keeps.
-        deviation: standard deviations by names of actions; a quarter of the box if none.
-        hold: steps for which what is sampled, the change of a plan, is held (move blocking).
-        every: a new plan every so many steps; in between the last one goes on.
-        integer: names of actions that are whole numbers.
-        guess: a function (env, horizon) that returns actions (H, actions) or (K, H, actions), tried in addition to the
-            samples, and the beginning of the first plan; the operating action if none.
-        p: parameters of the model that predicts.
-        outputs: give algebraic outputs to the cost.
-        estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`; the state of the environment if none.
-        seed: distinguishes controllers in the same episode. Random numbers come from it and from the episode.
-        failure_cost: added for each step that a failed sequence falls short of the horizon, instead of a default above
-            all costs of sequences without failure.
+        model: the predicting model, or an environment of it; None for the model of the plant, from
+            the present snapshot of the environment (with discrete variables, phases and delayed
+            readings). Another model, or other parameters, begin at the state of the environment, or
+            at the estimate.
+        options: `SamplingOptions`, and options as keyword arguments; `horizon` may follow the model
+            by position.
 
     Attributes:
         fallbacks: decisions in which every sequence failed: the one that lasts longest is taken.
@@ -61,48 +100,29 @@ class SamplingMPC(TakesWrapped):
         plan: the sequence of which the last action was the first, (H, actions).
     """
 
-    def __init__(
-        self,
-        model: Model | Env | None = None,
-        horizon: int = 20,
-        *,
-        samples: int = 256,
-        iterations: int = 3,
-        method: str = "mppi",
-        cost: str | Cost | None = None,
-        discount: float = 1.0,
-        temperature: float = 0.1,
-        elites: float = 0.1,
-        deviation: Mapping[str, float] | None = None,
-        hold: int = 1,
-        every: int = 1,
-        integer: Iterable[str] = (),
-        guess: Guess | None = None,
-        p: Mapping[str, float] | None = None,
-        outputs: bool = False,
-        estimator: Any = None,
-        seed: int = 0,
-        failure_cost: float | None = None,
-    ) -> None:
-        if method not in METHODS:
-            raise ValueError(f"method is {method!r}; there are: {', '.join(METHODS)}")
+    @takes(SamplingOptions, "horizon")
+    def __init__(self, model: Model | Env | None = None, *, options: SamplingOptions) -> None:
+        if options.method not in METHODS:
+            raise ValueError(f"method is {options.method!r}; there are: {', '.join(METHODS)}")
         self.model = model.model if isinstance(model, Env) else model
-        self.method = method
-        self.horizon, self.hold = as_count("horizon", horizon), as_count("hold", hold)
-        self._samples, self._iterations = (
-            as_count("samples", samples, 4, "at least 4"),
-            as_count("iterations", iterations),
-        )
-        self._every = as_count("every", every)
-        self._cost, self._discount = cost, as_number("discount", discount)
-        self._temperature, self._elites = as_number("temperature", temperature), as_number("elites", elites)
+        self.method = options.method
+        self.horizon, self.hold = as_count("horizon", options.horizon), as_count("hold", options.hold)
+        self._samples = as_count("samples", options.samples, 4, "at least 4")
+        self._iterations = as_count("iterations", options.iterations)
+        self._every = as_count("every", options.every)
+        self._cost, self._discount = options.cost, as_number("discount", options.discount)
+        self._temperature = as_number("temperature", options.temperature)
+        self._elites = as_number("elites", options.elites)
         if not (self._temperature > 0 and 0 < self._elites <= 1):
-            raise ValueError(f"temperature is {temperature}, elites {elites}: expected above 0, and a share of 1")
-        self._deviation, self._integer = dict(deviation or {}), tuple(integer)
-        self._guess, self._p, self._outputs = guess, dict(p or {}), bool(outputs)
-        self._estimator, self._seed = estimator, as_count("seed", seed, 0, "an integer that is not negative")
-        self._failure_cost = failure_cost
-        self.sees = getattr(estimator, "sees", "environment")
+            raise ValueError(
+                f"temperature is {options.temperature}, elites {options.elites}: expected above 0, and a share of 1"
+            )
+        self._deviation, self._integer = dict(options.deviation or {}), tuple(options.integer)
+        self._guess, self._p, self._outputs = options.guess, dict(options.p or {}), bool(options.outputs)
+        self._estimator = options.estimator
+        self._seed = as_count("seed", options.seed, 0, "an integer that is not negative")
+        self._failure_cost = options.failure_cost
+        self.sees = getattr(self._estimator, "sees", "environment")
         self.fallbacks = self.decisions = 0
         self.plan = np.zeros((0, 0))
 

@@ -5,8 +5,17 @@ found = optimize.steady("reactor", maximize="q_in*c_Af - q_out*c_A", vary=["T_c"
 found = optimize.episode("beer", vary={"T": (9, 16)}, moves=6, file="beer.csv")
 """
 
-from smpl.optimize.episodes import EpisodeOptimum, episode
+from smpl.optimize.episodes import EpisodeOptimum, EpisodeOptions, episode
 from smpl.optimize.search import METHODS, Search
-from smpl.optimize.steady import SteadyOptimum, steady
+from smpl.optimize.steady import SteadyOptimum, SteadyOptions, steady
 
-__all__ = ["METHODS", "EpisodeOptimum", "Search", "SteadyOptimum", "episode", "steady"]
+__all__ = [
+    "METHODS",
+    "EpisodeOptimum",
+    "EpisodeOptions",
+    "Search",
+    "SteadyOptimum",
+    "SteadyOptions",
+    "episode",
+    "steady",
+]

@@ -19,6 +19,7 @@ from smpl.envs import Env
 from smpl.model import Model
 from smpl.optimize.search import Search
 from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number, as_numbers, check_names
+from smpl.support.options import Options, takes
 from smpl.support.seeds import check_seed
 
 SHAPES = ("hold", "linear")
@@ -80,72 +81,84 @@ class EpisodeOptimum:
         return f"{self.value:.8g} at {inputs} ({len(self.values)} evaluations)"
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class EpisodeOptions(Options):
+    """Options of `episode`.
+
+    Attributes:
+        moves: number of values of each action, over equal parts of the horizon; or by name.
+        shape: `hold` keeps each value over its part, `linear` interpolates between them.
+        actions: function that returns the actions (H, actions) of an episode from the inputs by
+            name, instead of moves.
+        base: values of the other actions: the name of a policy of the model that needs no feedback,
+            actions (H, actions) or (actions,); None for the operating action.
+        horizon: number of control steps; None for the time limit.
+        seeds: starts as `reset(seed=...)` draws them, with their parameters and disturbances. None
+            for the expected episode: nominal start, random numbers at their means.
+        options: options of `reset`, for every start.
+        goal: function of a `Rollout` of N episodes that returns (N,); None for the return.
+        penalty: subtracted for each unit of constraint violation.
+        worst: optimise the worst start instead of the mean.
+        method: `cma`, `differential_evolution` or `bayes`, see `Search`; None for
+            `differential_evolution` with one number, else `cma`.
+        evaluations: number of recipes in all, each from all starts.
+        population, spread, seed, file: as for `Search`; with a file an interrupted search
+            continues.
+        start: initial guess of the inputs, one number or all moves; None for the middle of their
+            ranges.
+        progress: show a progress bar.
+        threads: number of threads; None for all processors.
+        seconds: time after which no batch begins, and the best recipe so far counts; None for no
+            limit.
+    """
+
+    moves: int | Mapping[str, int] = 1
+    shape: str = "hold"
+    actions: Make | None = None
+    base: str | npt.ArrayLike | None = None
+    horizon: int | None = None
+    seeds: Sequence[int] | None = None
+    options: Mapping[str, Any] | None = None
+    goal: Callable[[Rollout], Any] | None = None
+    penalty: float = 0.0
+    worst: bool = False
+    method: str | None = None
+    evaluations: int = 1000
+    population: int | None = None
+    spread: float = 0.25
+    seed: int = 0
+    file: str | Path | None = None
+    start: Mapping[str, npt.ArrayLike] | None = None
+    progress: bool = False
+    threads: int | None = None
+    seconds: float | None = None
+
+
+@takes(EpisodeOptions)
 def episode(
-    env: Env | Model | str,
-    *,
-    vary: Mapping[str, tuple[float, float] | None] | Iterable[str],
-    moves: int | Mapping[str, int] = 1,
-    shape: str = "hold",
-    actions: Make | None = None,
-    base: str | npt.ArrayLike | None = None,
-    horizon: int | None = None,
-    seeds: Sequence[int] | None = None,
-    options: Mapping[str, Any] | None = None,
-    goal: Callable[[Rollout], Any] | None = None,
-    penalty: float = 0.0,
-    worst: bool = False,
-    method: str | None = None,
-    evaluations: int = 1000,
-    population: int | None = None,
-    start: Mapping[str, npt.ArrayLike] | None = None,
-    spread: float = 0.25,
-    seed: int = 0,
-    file: str | Path | None = None,
-    progress: bool = False,
-    threads: int | None = None,
-    seconds: float | None = None,
+    env: Env | Model | str, vary: Mapping[str, tuple[float, float] | None] | Iterable[str], options: EpisodeOptions
 ) -> EpisodeOptimum:
-    """The recipe with the largest goal: all recipes of a batch are simulated together, on all cores.
+    """The recipe with the largest goal; the recipes of a batch are simulated on all cores.
 
     Args:
-        env: an `smpl.Env`, a model, or the name or path of one. Its reward counts, and its time limit.
-        vary: names of actions and parameters with (low, high), the declared bounds if missing. With `actions`,
-            any names.
-        moves: numbers for each action, over equal parts of the horizon; or by name.
-        shape: `hold` keeps each number over its part, `linear` interpolates between them.
-        actions: makes the actions (H, actions) of an episode from the inputs by name, instead of moves.
-        base: what the other actions are: the name of a policy of the model that needs no feedback, actions (H, actions)
-            or (actions,); the operating ones if none.
-        horizon: steps; the time limit if none.
-        seeds: starts as `reset(seed=...)` draws them, with their parameters, and the disturbances that these episodes
-            have. Without any it is the expected episode: nominal start, random numbers at their means.
-        options: as for `reset`, for every start.
-        goal: of a `Rollout` of N episodes, returns (N,); the return if none.
-        penalty: subtracted for each unit of the constraints' violations.
-        worst: the worst start counts instead of the mean.
-        method: `cma`, `differential_evolution` or `bayes`, see `Search`; of one number alone `differential_evolution`,
-            else `cma`.
-        evaluations: recipes in all, each from all starts.
-        population, spread, seed, file: as for `Search`; with a file the search goes on where it was stopped.
-        start: inputs where the search begins, one number or all moves; the middle if none.
-        progress: show a bar.
-        threads: all processors if none.
-        seconds: no batch begins after so many; no limit if None. The best of what was evaluated counts.
+        env: an `smpl.Env`, a model, or the name or path of one. Its reward counts, and its time
+            limit.
+        vary: names of actions and parameters with (low, high), the declared bounds if missing. With
+            `actions`, any names.
+        options: `EpisodeOptions`, and options as keyword arguments.
 
     Raises:
         ValueError: an unknown name, an empty range, a wrong shape, or a file of another search.
         ImportError: the package of the method is missing.
     """
     plant = env if isinstance(env, Env) else Env(env, normalize=False)
-    task = _Task(
-        plant, vary, moves, shape, actions, base, horizon, seeds, options, goal, float(penalty), worst, threads
-    )
-    method = method or ("cma" if len(task.names) > 1 else "differential_evolution")
+    task = _Task(plant, vary, options)
+    method = options.method or ("cma" if len(task.names) > 1 else "differential_evolution")
     search = Search(
-        task.low, task.high, names=task.names, method=method, start=task.start(start), spread=spread,
-        population=population, seed=seed, file=file,
+        task.low, task.high, names=task.names, method=method, start=task.start(options.start), spread=options.spread,
+        population=options.population, seed=options.seed, file=options.file,
     )  # fmt: skip
-    search.run(task.values, evaluations, progress, seconds=seconds)
+    search.run(task.values, options.evaluations, options.progress, seconds=options.seconds)
     point, value = search.best
     inputs = task.inputs(point)
     return EpisodeOptimum(
@@ -158,7 +171,7 @@ def episode(
         values=search.values,
         names=task.names,
         _model=task.model,
-        _shown=tuple(name for name in task.model.action_names if name in inputs or actions is not None),
+        _shown=tuple(name for name in task.model.action_names if name in inputs or options.actions is not None),
     )
 
 
@@ -166,39 +179,27 @@ class _Task:
     """Points to values: what is varied, the starts, the goal."""
 
     def __init__(
-        self,
-        env: Env,
-        vary: Mapping[str, tuple[float, float] | None] | Iterable[str],
-        moves: int | Mapping[str, int],
-        shape: str,
-        make: Make | None,
-        base: str | npt.ArrayLike | None,
-        horizon: int | None,
-        seeds: Sequence[int] | None,
-        options: Mapping[str, Any] | None,
-        goal: Callable[[Rollout], Any] | None,
-        penalty: float,
-        worst: bool,
-        threads: int | None,
+        self, env: Env, vary: Mapping[str, tuple[float, float] | None] | Iterable[str], options: EpisodeOptions
     ) -> None:
-        if shape not in SHAPES:
-            raise ValueError(f"shape is {shape!r}; there are: {', '.join(SHAPES)}")
-        self.env, self.model, self.shape, self.make = env, env.model, shape, make
-        self.goal, self.penalty, self.worst, self.threads = goal, penalty, worst, threads
+        if options.shape not in SHAPES:
+            raise ValueError(f"shape is {options.shape!r}; there are: {', '.join(SHAPES)}")
+        self.env, self.model, self.shape, self.make = env, env.model, options.shape, options.actions
+        self.goal, self.penalty, self.worst = options.goal, float(options.penalty), options.worst
+        self.threads, horizon = options.threads, options.horizon
         self.horizon = env.max_steps if horizon is None else min(as_count("horizon", horizon), env.max_steps)
         self.ranges = dict(vary) if isinstance(vary, Mapping) else {str(name): None for name in vary}
         known = (*self.model.action_names, *self.model.parameter_names)
         if not self.ranges:
             raise ValueError("vary names nothing: give actions or parameters")
-        if make is None:
+        if self.make is None:
             check_names("vary", self.ranges, known)
         self.parameters = [
             n for n in self.ranges if n in self.model.parameter_names and n not in self.model.action_names
         ]
-        self.count = {name: self._moves(name, moves) for name in self.ranges}
+        self.count = {name: self._moves(name, options.moves) for name in self.ranges}
         self._box()
-        self.base = self._base(base)
-        self.starts = list(self._starts(seeds, dict(as_mapping("options", options))))
+        self.base = self._base(options.base)
+        self.starts = list(self._starts(options.seeds, dict(as_mapping("options", options.options))))
         self.snapshots = [] if self.parameters else [self._begun(*start) for start in self.starts]
 
     def _moves(self, name: str, moves: int | Mapping[str, int]) -> int:
@@ -346,7 +347,7 @@ class _Task:
         return np.stack(columns, axis=1)
 
     def _reset(self, points: FloatArray, seed: int, options: dict[str, Any]) -> tuple[FloatArray, dict[str, Any]]:
-        """States at the start, and the rest of what decides the episode, with the parameters of each point."""
+        """Initial states, and arguments of the episode with the parameters of each point."""
         model, states, discrete, parameters = self.model, [], [], []
         for point in points:
             inputs = self.inputs(point)

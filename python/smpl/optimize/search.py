@@ -36,10 +36,10 @@ class _CarriedError(Exception):
 
 
 class Search:
-    """Maximises a function of some numbers in a box; every evaluation is kept in a file, from which it goes on.
+    """Maximises a function in a box; a search with a file keeps its evaluations and continues.
 
-    A search that was stopped and begun again with the same arguments gives the same points as one that was not: what
-    the file has is not evaluated again.
+    A search that was stopped and begun again with the same arguments gives the same points as one
+    that was not: what the file has is not evaluated again.
 
     Args:
         low, high: the box, (d,).
@@ -110,14 +110,16 @@ class Search:
         """Search until so many evaluations are there, those of the file included.
 
         Args:
-            objective: of points (n, d), returns values (n,); one that is not finite counts as the worst.
+            objective: of points (n, d), returns values (n,); one that is not finite counts as the
+                worst.
             evaluations: in all.
             progress: show a bar.
             seconds: no batch begins after so many; no limit if None.
 
         Raises:
             ImportError: the package of the method is missing.
-            ValueError: values of a wrong shape, or the file has other points than this search makes.
+            ValueError: values of a wrong shape, or the file has other points than this search
+                makes.
         """
         count, clock = as_count("evaluations", evaluations), Clock(seconds)
         self.points, self.values = self.points[:0], self.values[:0]

@@ -1,9 +1,9 @@
-"""The best steady state of a model: sequential quadratic programming in the free inputs, with exact derivatives.
+"""The best steady state of a model by sequential quadratic programming with exact derivatives.
 
-The steady state is solved for at every point (the reduced-space method), and its derivatives follow
+The steady state is solved for at every point (the reduced-space method). Its derivatives follow
 from the implicit function theorem: with rates f(x, u) = 0 and a goal g(x, u), dg/du = g_u - g_x
-f_x^-1 f_u. f_x, f_u, g_x and g_u are the model's own derivatives. The quadratic programmes are
-those of SciPy's SLSQP (D. Kraft, 1988).
+f_x^-1 f_u. The derivatives f_x, f_u, g_x and g_u are exact. The quadratic programmes are those of
+SciPy's SLSQP (D. Kraft, 1988).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from smpl.model import Model, compile
 from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number, check_names
 from smpl.support.clock import Clock
 from smpl.support.optional import load
+from smpl.support.options import Options, takes
 
 Range = tuple[float | None, float | None]
 Limits = Mapping[str, Range | float]
@@ -33,7 +34,8 @@ class SteadyOptimum:
 
     Attributes:
         inputs: what was varied, by name, declared units.
-        value: of the goal, in its units: the largest one of `maximize`, the smallest one of `minimize`.
+        value: of the goal, in its units: the largest one of `maximize`, the smallest one of
+            `minimize`.
         y, u: unknowns (`Model.unknown_names`) and actions of the model there.
         states: by name.
         limits: value of each limited expression.
@@ -42,7 +44,8 @@ class SteadyOptimum:
         stable: whether small deviations die out; states that are fixed do not count.
         evaluations: steady states that were solved for.
         values: of the goal at each of these, in their order; NaN where there was no steady state.
-        converged: whether the method ended at an optimum; if not, the point keeps its limits and may not be the best.
+        converged: whether the method ended at an optimum; if not, the point keeps its limits and
+            may not be the best.
         message: of the method.
     """
 
@@ -75,62 +78,63 @@ class SteadyOptimum:
         return f"{self.value:.8g} at {inputs} ({kind}, {self.evaluations} steady states{active}{ended})"
 
 
-def steady(
-    model: Model | str,
-    *,
-    vary: Iterable[str] | Mapping[str, Range],
-    maximize: str | None = None,
-    minimize: str | None = None,
-    limits: Limits | None = None,
-    fixed: Mapping[str, float] | None = None,
-    start: Mapping[str, float] | None = None,
-    p: Mapping[str, float] | None = None,
-    guess: Mapping[str, float] | None = None,
-    tolerance: float = 1e-10,
-    max_iterations: int = 100,
-    seconds: float | None = None,
-) -> SteadyOptimum:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SteadyOptions(Options):
+    """Options of `steady`.
+
+    Attributes:
+        maximize, minimize: exactly one of them: an expression of the language in the model's names,
+            in declared units: `q_out*c_B - 0.1*(T_c - T_f)`.
+        limits: expressions with (low, high), None for an open end, or with one number for equality.
+            The declared bounds of the states also hold.
+        fixed: values of states that the equations leave free, as for `Model.steady_state`. If their
+            rates depend on the varied inputs, they are kept at zero.
+        start: initial guess of the inputs, by name; None for their declared values.
+        p: values of other parameters, by name.
+        guess: initial guess of the first steady state, as for `Model.steady_state`; the others
+            begin at the last one.
+        tolerance: of the goal, relative to its size.
+        max_iterations: limit of the number of quadratic programmes.
+        seconds: time after which no steady state is solved, and the best one within the limits
+            counts; None for no limit.
+    """
+
+    maximize: str | None = None
+    minimize: str | None = None
+    limits: Limits | None = None
+    fixed: Mapping[str, float] | None = None
+    start: Mapping[str, float] | None = None
+    p: Mapping[str, float] | None = None
+    guess: Mapping[str, float] | None = None
+    tolerance: float = 1e-10
+    max_iterations: int = 100
+    seconds: float | None = None
+
+
+@takes(SteadyOptions)
+def steady(model: Model | str, vary: Iterable[str] | Mapping[str, Range], options: SteadyOptions) -> SteadyOptimum:
     """The steady state with the largest or smallest value of an expression.
 
     Args:
         model: a model, or the name or path of one.
-        vary: names of actions and parameters that are free, or a mapping from names to (low, high); where an end is
-            None, and for names alone, the declared bounds count.
-        maximize, minimize: one of them: an expression of the language in the model's names, in the declared units:
-            `q_out*c_B - 0.1*(T_c - T_f)`.
-        limits: expressions and their (low, high), None for an open end, or one number for equality. The
-            declared bounds of the states also hold.
-        fixed: states that the equations leave free, and their values, as for `Model.steady_state`. Where their rates
-            depend on what is varied, they are kept at zero.
-        start: inputs where the search begins; their declared values if none.
-        p: parameters and the like, which stay as they are.
-        guess: where the first steady state is looked for, as for `Model.steady_state`; the others begin at the last.
-        tolerance: of the goal, over its size.
-        max_iterations: quadratic programmes.
-        seconds: no steady state is solved for after so many, and the best one that keeps the limits counts; no limit if
-            None.
+        vary: names of actions and parameters that are free, or a mapping from names to (low, high);
+            where an end is None, and for names alone, the declared bounds count.
+        options: `SteadyOptions`, and options as keyword arguments.
 
     Returns:
         A local optimum: another start may lead to a better one.
 
     Raises:
-        ValueError: an unknown name, an empty range, or an invalid expression; the message names the place.
+        ValueError: an unknown name, an empty range, or an invalid expression; the message names the
+            place.
         SimulationError: there is no steady state at the start, or no point keeps the limits.
         ImportError: SciPy is missing.
     """
-    clock = Clock(seconds)
-    if (maximize is None) == (minimize is None):
+    clock = Clock(options.seconds)
+    if (options.maximize is None) == (options.minimize is None):
         raise ValueError("give either maximize or minimize")
-    problem = _Problem(
-        compile(model) if isinstance(model, str) else model,
-        vary,
-        (maximize if maximize is not None else minimize) or "",
-        -1.0 if maximize is not None else 1.0,
-        dict(as_mapping("limits", limits)),
-        fixed,
-        p,
-    )
-    return problem.solve(start, guess, float(tolerance), as_count("max_iterations", max_iterations), clock)
+    problem = _Problem(compile(model) if isinstance(model, str) else model, vary, options)
+    return problem.solve(options, clock)
 
 
 class _SpentError(Exception):
@@ -153,16 +157,7 @@ class _Point:
 class _Problem:
     """The goal and the limits as functions of inputs in [0, 1]."""
 
-    def __init__(
-        self,
-        model: Model,
-        vary: Iterable[str] | Mapping[str, Range],
-        goal: str,
-        sign: float,
-        limits: dict[str, Range | float],
-        fixed: Mapping[str, float] | None,
-        p: Mapping[str, float] | None,
-    ) -> None:
+    def __init__(self, model: Model, vary: Iterable[str] | Mapping[str, Range], options: SteadyOptions) -> None:
         ranges: dict[str, Range] = (
             {str(name): (None, None) for name in vary} if not isinstance(vary, Mapping) else dict(vary)
         )
@@ -174,8 +169,10 @@ class _Problem:
                 "state, and derivatives by them are not known here: write what they are at rest, x for previous(x)"
             )
         check_names("vary", ranges, (*model.action_names, *model.parameter_names))
-        check_names("fixed", as_mapping("fixed", fixed), model.state_names)
-        self.sign, self.fixed, self.p = sign, fixed, p
+        check_names("fixed", as_mapping("fixed", options.fixed), model.state_names)
+        self.sign = -1.0 if options.maximize is not None else 1.0
+        self.fixed, self.p = options.fixed, options.p
+        goal, limits = options.maximize or options.minimize or "", dict(as_mapping("limits", options.limits))
         self.names = tuple(ranges)
         self.low, self.high = _box(model, ranges)
         self.model = _with_actions(model, dict(zip(self.names, zip(self.low, self.high, strict=True), strict=True)))
@@ -189,7 +186,7 @@ class _Problem:
         self.values: list[float] = []
 
     def _order(self) -> None:
-        """Places of the model's states and the expressions' rates among the unknowns of the augmented model."""
+        """Places of the model's states and of the expressions in the augmented model."""
         unknowns = self.augmented.unknown_names
         self.own = np.array([unknowns.index(name) for name in self.model.unknown_names])
         states = self.augmented.state_names
@@ -207,7 +204,7 @@ class _Problem:
         return u
 
     def at(self, z: FloatArray) -> _Point:
-        """The point at z, or one extrapolated from the last with a worse goal where there is no steady state."""
+        """The point at z; without a steady state one extrapolated from the last point."""
         if self.last is not None and np.array_equal(z, self.last.z):
             return self.last
         if self.last is not None and self.clock.over():
@@ -266,18 +263,12 @@ class _Problem:
         limited = last.limited + last.by_limited @ step
         return _Point(z, last.y, goal + worse, last.by_goal, limited, last.by_limited, last.matrix)
 
-    def solve(
-        self,
-        start: Mapping[str, float] | None,
-        guess: Mapping[str, float] | None,
-        tolerance: float,
-        iterations: int,
-        clock: Clock,
-    ) -> SteadyOptimum:
+    def solve(self, options: SteadyOptions, clock: Clock) -> SteadyOptimum:
         """Run the method."""
-        minimize = _minimize()
-        self.guess, self.clock = guess, clock
-        self.base = self._start(as_mapping("start", start))
+        minimize, tolerance = _minimize(), float(options.tolerance)
+        iterations = as_count("max_iterations", options.max_iterations)
+        self.guess, self.clock = options.guess, clock
+        self.base = self._start(as_mapping("start", options.start))
         z = np.clip((self.base[self.places] - self.low) / (self.high - self.low), 0, 1)
         first = self.at(z)
         self._choose_rows(first)
@@ -307,7 +298,7 @@ class _Problem:
         return base
 
     def _choose_rows(self, first: _Point) -> None:
-        """Scales and ends of the limits: those given, bounds of states, rates of fixed states that inputs change."""
+        """Scales and ends of limits, bounds of states, and varying rates of fixed states."""
         states = [self.model.state_names[i] for i in self.free]
         ends = [*self.limits, *zip(self.state_low[self.free], self.state_high[self.free], strict=True)]
         names = [*self.expressions[1:], *(f"bounds of {name}" for name in states)]
@@ -422,7 +413,7 @@ def _box(model: Model, ranges: Mapping[str, Range]) -> tuple[FloatArray, FloatAr
 
 
 def _balanced(matrix: FloatArray) -> FloatArray:
-    """A matrix whose rows and columns have entries of size one: what is singular is not a matter of units."""
+    """A matrix scaled to entries of size one, so that its rank does not depend on units."""
     rows = np.abs(matrix).max(axis=1, initial=0.0, keepdims=True)
     scaled = matrix / np.where(rows > 0, rows, 1.0)
     columns = np.abs(scaled).max(axis=0, initial=0.0, keepdims=True)
@@ -434,7 +425,7 @@ def _added(place: int) -> str:
 
 
 def _augmented(model: Model, expressions: tuple[str, ...]) -> Model:
-    """The model with a state for each expression whose rate is its value: the model's own derivatives are those of it.
+    """The model with a state for each expression, whose rate is the value of the expression.
 
     Raises:
         ValueError: an invalid expression; the message names it.
@@ -460,7 +451,8 @@ def _with_actions(model: Model, ranges: Mapping[str, tuple[float, float]]) -> Mo
     """The model with the parameters among the names as actions, so that it has derivatives by them.
 
     Raises:
-        ValueError: a parameter decides more than the equations: initial values, sizes, other parameters.
+        ValueError: a parameter decides more than the equations: initial values, sizes, other
+            parameters.
     """
     parameters = [name for name in ranges if name not in model.action_names]
     if not parameters:
