@@ -1,10 +1,11 @@
-"""The full-information controller of every environment compared with its nominal policy, from the same starts.
+"""The full-information controller of every environment compared with its nominal policy.
 
     python python/examples/full_information.py --out full_information --seeds 3
-    python python/examples/full_information.py --out full_information --table      # prints the table; runs nothing
+    python python/examples/full_information.py --out full_information --table  # prints the table
 
 The controller knows the state, the parameters of the episode and the model of the plant
-(`baseline(env, "full_information")`). Every episode is a row of `full_information.csv`, so that a stopped run resumes.
+(`baseline(env, "full_information")`). Every episode is a row of `full_information.csv`, so that a
+stopped run resumes.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def table(rows: Sequence[Row]) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what is not there yet, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("environments", nargs="*", default=ENVIRONMENTS, metavar="ENVIRONMENT", help="in place of all")
+    parser.add_argument("environments", nargs="*", default=ENVIRONMENTS, metavar="ENVIRONMENT", help="instead of all")
     parser.add_argument(
         "--out", type=Path, default=Path("full_information"), metavar="DIR", help="folder of full_information.csv"
     )

@@ -1,7 +1,7 @@
 """A batch of reactors side by side in JAX: `python python/examples/jax_batch.py [COUNT]`.
 
-The model is exported as pure functions; Runge-Kutta steps of the whole batch and the derivative of where it ends by the
-coolant temperature are one compiled function each.
+The model is exported as pure functions; Runge-Kutta steps of the whole batch and the derivative of
+where it ends by the coolant temperature are one compiled function each.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def episode(functions: JaxModel, jax: Any) -> Any:
 
 
 def main(count: int = 4096) -> tuple[Any, Any]:
-    """Integrate `count` reactors from random starts; their ends, and the derivative of the first by its actions."""
+    """Integrates `count` reactors; returns ends and the derivative of the first by actions."""
     import jax
 
     jax.config.update("jax_enable_x64", True)

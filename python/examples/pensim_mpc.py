@@ -1,10 +1,10 @@
-"""PenSim by sampling: plans around the recipe beside the recipe itself, from the same starts.
+"""PenSim by sampling: plans around the recipe compared with the recipe, from the same starts.
 
     python python/examples/pensim_mpc.py --out pensim_mpc --seeds 10
-    python python/examples/pensim_mpc.py --out pensim_mpc --table      # nothing is run: the table of what is there
+    python python/examples/pensim_mpc.py --out pensim_mpc --table  # prints the table only
 
-Every batch is a row of `pensim_mpc.csv`, so that what was stopped goes on. The controller sees the state, not the
-parameters that the seed draws nor the disturbances to come.
+Every batch is a row of `pensim_mpc.csv`, so that what was stopped goes on. The controller sees the
+state, not the parameters that the seed draws nor the disturbances to come.
 """
 
 from __future__ import annotations

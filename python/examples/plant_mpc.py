@@ -1,4 +1,4 @@
-"""The antibody plant by sampling: every constraint kept, and no less recovered than by the nominal policy.
+"""The antibody plant by sampling, with all constraints kept.
 
     python python/examples/plant_mpc.py --seeds 2000 2001
 

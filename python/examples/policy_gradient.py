@@ -2,9 +2,9 @@
 
     python python/examples/policy_gradient.py --iterations 60
 
-The cost of an episode, here the squared distance from the steady state at the end of each step, is a function of the
-policy's weights. Its gradient follows from the derivatives of each control step (`Model.sensitivity`) by the chain
-rule, backwards in time: no sampling of actions, no critic.
+The cost of an episode, here the squared distance from the steady state at the end of each step, is
+a function of the policy's weights. Its gradient follows from the derivatives of each control step
+(`Model.sensitivity`) by the chain rule, backwards in time: no sampling of actions, no critic.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smpl.support.arguments import FloatArray
 
 @dataclass
 class Policy:
-    """A layer of tanh between scaled states and scaled actions; the actions stay within their box."""
+    """A layer of tanh between scaled states and scaled actions within their box."""
 
     goal: FloatArray
     width: FloatArray

@@ -1,8 +1,9 @@
-"""Train PPO of Stable-Baselines3 on the reactor (extra `sb3`): `python python/examples/ppo_reactor.py`.
+"""Train PPO of Stable-Baselines3 on the reactor (extra `sb3`).
 
-The published reward divides by the squared distance of the start, so that a few starts beside the set-point outweigh
-all others by orders of magnitude: `D_rel` puts a floor under that distance. Observations and rewards are normalised by
-their running moments, and a discount of 0.95, two minutes, is as far as an action reaches.
+The published reward divides by the squared distance of the start, so that a few starts near the
+set-point outweigh all others by orders of magnitude. `D_rel` is a lower bound of that distance.
+Observations and rewards are normalised by their running moments, and a discount of 0.95, two
+minutes, is as far as an action reaches.
 """
 
 from __future__ import annotations

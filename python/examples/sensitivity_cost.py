@@ -1,4 +1,4 @@
-"""What derivatives of a control step cost, in plain steps.
+"""Cost of derivatives of a control step, in plain steps.
 
     python python/examples/sensitivity_cost.py
 

@@ -1,4 +1,4 @@
-"""`python -m smpl.bench [SECTION]...`: rates against other packages, see `smpl_benchmarks.peers`."""
+"""`python -m smpl.bench [SECTION]...`: comparison of speed, see `smpl_benchmarks.peers`."""
 
 from smpl.support.benchmarks import find_benchmarks
 

@@ -1,4 +1,4 @@
-"""`python -m smpl.benchmark --suite control --budget smoke`: the benchmark, see `smpl_benchmarks.benchmark`."""
+"""`python -m smpl.benchmark --suite control --budget smoke`: see `smpl_benchmarks.benchmark`."""
 
 from smpl.support.benchmarks import find_benchmarks
 

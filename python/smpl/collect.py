@@ -1,4 +1,4 @@
-"""`python -m smpl.collect ENV --controller NAME --episodes N --out DIR`: a data set from any controller."""
+"""`python -m smpl.collect ENV --controller NAME --episodes N --out DIR`: collects a data set."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def environment(given: argparse.Namespace) -> dict[str, Any]:
 
 
 def guarded(work: Any) -> int:
-    """Run; what the user can mend is told in a line, with exit status 1."""
+    """Runs the command; reports errors of the user in one line, with exit status 1."""
     try:
         return int(work())
     except (ValueError, TypeError, ImportError, RuntimeError, CompileError, OSError) as error:

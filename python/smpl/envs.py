@@ -51,14 +51,14 @@ class Interface(Named):
         )
 
     def to_physical(self, action: npt.ArrayLike) -> FloatArray:
-        """An action of the action space in physical units; where the bounds are one number, that number."""
+        """An action of the action space in physical units; the bound if both bounds coincide."""
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
         return from_unit(values, self.action_low, self.action_high)
 
     def from_physical(self, action: npt.ArrayLike) -> FloatArray:
-        """An action in physical units as one of the action space; 0 where the bounds are one number."""
+        """A physical action in the action space; 0 if both bounds coincide."""
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
@@ -68,9 +68,9 @@ class Interface(Named):
 class Env(Interface, gymnasium.Env[Any, Any]):
     """A process model as a Gymnasium environment.
 
-    Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical units. Arithmetic is in
-    double precision whatever the type of an action. Observations are clipped to their bounds; one whose bounds are not
-    finite is never normalised.
+    Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical
+    units. Arithmetic is in double precision whatever the type of an action. Observations are
+    clipped to their bounds; one whose bounds are not finite is never normalised.
 
     Args:
         model: a compiled model, a path or the name of a shipped model.
@@ -79,18 +79,20 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         reward: name of the reward that `step` returns.
         observation: observation level (`default`, `full`, or one of the model's).
         scenario, variants, settings: as for `smpl.compile`; not with a compiled model.
-        max_steps: time limit in place of the scenario's.
+        max_steps: time limit instead of the scenario's.
         render_mode: `rgb_array`, `ansi` or none.
         info_state: add the state to `info`.
-        method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`, in place of the model's or scenario's.
-        max_step: longest internal step in the model's unit of time, as the setting of this name; not with a compiled
+        method: integration method, `ida`, `rosenbrock`, `explicit` or `auto`, instead of the
+            model's or scenario's.
+        max_step: longest internal step in the model's unit of time, as the setting of this name;
+            not with a compiled model.
+        extra: statements that follow those of the file, as for `smpl.compile`; not with a compiled
             model.
-        extra: statements that follow those of the file, as for `smpl.compile`; not with a compiled model.
 
     Attributes:
         model: the compiled model.
-        state_names, algebraic_names, discrete_names, action_names, observation_names, reward_names: names; units are
-            `state_units` and so on.
+        state_names, algebraic_names, discrete_names, action_names, observation_names, reward_names:
+            names; units are `state_units` and so on.
         action_low, action_high, observation_low, observation_high: bounds in physical units.
     """
 
@@ -144,15 +146,18 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode.
 
-        An episode is a function of the seed and of its number since that seed was given: with a seed it is the first
-        one, without the next one. An environment that was never given a seed draws one.
+        An episode is a function of the seed and of its number since that seed was given: with a
+        seed it is the first one, without the next one. An environment that was never given a seed
+        draws one.
 
         Args:
             seed: seed of the random numbers, an integer that is not negative.
-            options: see `smpl.support.reset_options.start_from_options`; what is set is what is simulated.
+            options: see `smpl.support.reset_options.start_from_options`; what is set is what is
+                simulated.
 
         Raises:
-            ValueError: an unknown option or name, a wrong shape, or a seed that is none (also `gymnasium.error.Error`).
+            ValueError: an unknown option or name, a wrong shape, or an invalid seed (also
+                `gymnasium.error.Error`).
         """
         start = start_from_options(self.model, options)
         seed = check_seed(seed)
@@ -186,7 +191,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         return result
 
     def render(self) -> Any:
-        """The episode so far: a picture (`rgb_array`, uint8, height x width x 3) or text (`ansi`)."""
+        """The episode so far: a picture (`rgb_array`, (height, width, 3)) or text (`ansi`)."""
         if self._history is None:
             gymnasium.logger.warn("render() without a render_mode: give one of rgb_array, ansi to make()")
             return None
@@ -196,10 +201,12 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         """The episode so far as a picture, as `smpl simulate --plot` draws it.
 
         Args:
-            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is empty.
+            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is
+                empty.
 
         Raises:
-            ValueError: the environment was made without a `render_mode`, there is no episode, or an unknown name.
+            ValueError: the environment was made without a `render_mode`, there is no episode, or an
+                unknown name.
         """
         if self._history is None:
             raise ValueError("nothing is recorded without a render_mode: give rgb_array or ansi to make()")
@@ -231,10 +238,11 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def reading(self) -> FloatArray:
-        """The last observation in physical units, with its noise and delay, order of `observation_names`.
+        """The last observation in physical units, with noise and delay.
 
         Raises:
-            ValueError: nothing was observed since the environment was made or restored from a snapshot.
+            ValueError: nothing was observed since the environment was made or restored from a
+                snapshot.
         """
         if self._returned is None:
             raise ValueError("nothing was observed yet: call reset or step first")
@@ -255,7 +263,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def action(self) -> FloatArray:
-        """A copy of the last action as it was applied, physical units, order of `action_names`."""
+        """A copy of the last applied action, physical units, order of `action_names`."""
         return self._native.values("action")
 
     @property
@@ -275,7 +283,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def steady_state(self) -> FloatArray | None:
-        """Steady state of the model's `steady` block with the parameters of the episode; none without such a block.
+        """Steady state of the model's `steady` block with the episode's parameters, or None.
 
         Raises:
             SimulationError: where the block has no solution and nothing needs it.
@@ -289,7 +297,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def episode(self) -> tuple[int, int]:
-        """Seed of the running episode and its number since that seed was given: what its random numbers come from."""
+        """Seed of the running episode and its number since that seed, for random numbers."""
         return self._native.episode
 
     def policy(self, name: str) -> FloatArray:
@@ -305,7 +313,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
     @property
     def solver_statistics(self) -> dict[str, int]:
-        """Counts of the solver since the start of the episode: steps, residuals, Jacobians and the like."""
+        """Counts of the solver since the start of the episode: steps, residuals, Jacobians, ..."""
         return self._native.solver_statistics
 
     def snapshot(self) -> _native.Snapshot:
@@ -326,12 +334,12 @@ class Env(Interface, gymnasium.Env[Any, Any]):
     def rollout(
         self, actions: npt.ArrayLike, seed: int | None = None, threads: int | None = None, *, outputs: bool = False
     ) -> Rollout:
-        """What the given actions would lead to from here; the environment itself stays where it is.
+        """Simulates actions from the present state; the environment does not change.
 
         Args:
             actions: physical units: (N, H, actions), or (H, actions).
-            seed: random numbers of trajectory i are those of seed + i. Without one they are at their means, and
-                observations without noise.
+            seed: random numbers of trajectory i are those of seed + i. Without one they are at
+                their means, and observations without noise.
             threads, outputs: as for `smpl.Model.rollout`.
 
         Raises:
@@ -350,7 +358,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         )
 
     # Copies and pickles go on where the original is. A copy shares the model; a pickle names it,
-    # and the snapshot in it tells whether what is found under that name is the same.
+    # and the snapshot in it identifies the file found under that name.
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_native": self.snapshot()}
@@ -374,7 +382,8 @@ def choose_model(
     """The compiled model that an environment's arguments ask for.
 
     Raises:
-        ValueError: a compiled model is given together with a scenario, variants, settings or further statements.
+        ValueError: a compiled model is given together with a scenario, variants, settings or
+            further statements.
     """
     if max_step is not None:
         settings = {**as_mapping("settings", settings), "max_step": max_step}

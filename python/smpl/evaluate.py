@@ -1,4 +1,4 @@
-"""`python -m smpl.evaluate ENV --controller A --controller B --policy FILE --episodes N`: controllers side by side."""
+"""`python -m smpl.evaluate ENV --controller A --policy FILE --episodes N`: compares controllers."""
 
 from __future__ import annotations
 
@@ -53,17 +53,19 @@ def compare_controllers(
     Args:
         env: id, model's name, path, compiled model, or an environment without wrappers.
         controllers: see `smpl.learning.agent`.
-        episodes, seed, starts: which episodes; episode i has the seed seed + i and the same start for all.
+        episodes, seed, starts: which episodes; episode i has the seed seed + i and the same start
+            for all.
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
         ray: address of a cluster of Ray that runs them, see `smpl.learning.cluster`.
         arguments: of the environment.
 
     Returns:
-        The plan of the episodes and a score for each controller; `smpl.learning.reports` writes them.
+        The plan of the episodes and a score for each controller; `smpl.learning.reports` writes
+        them.
 
     Raises:
-        ValueError: an argument is none of what it may be.
+        ValueError: an argument has an invalid value.
         RunError: an episode does not start, or its controller fails.
     """
     task = Task.of(env, **arguments)
@@ -72,7 +74,7 @@ def compare_controllers(
         one.name = name
     plan = Plan.of(task, agents, episodes, seed=seed, starts=starts)
     if workers is not None:
-        as_count("workers", workers)  # told before an episode is run
+        as_count("workers", workers)  # reported before an episode runs
     scores = []
     for number, one in enumerate(plan.agents):
         with Progress(progress, one.name, plan.episodes) as bar:

@@ -41,12 +41,14 @@ def run_episode(env: Any, controller: Any, seed: int | None = None, options: dic
     """Run an episode to its end.
 
     Args:
-        env: an `smpl.Env`, possibly wrapped; wrappers that change actions are undone, see `smpl.wrappers.outer_action`.
+        env: an `smpl.Env`, possibly wrapped; wrappers that change actions are undone, see
+            `smpl.wrappers.outer_action`.
         controller: chooses the actions: see `smpl.policies.as_policy`. It is reset first.
         seed, options: as for `reset`.
 
     Raises:
-        TypeError: no environment of smpl, no controller, or a wrapper whose changes cannot be undone.
+        TypeError: no environment of smpl, no controller, or a wrapper whose changes cannot be
+            undone.
         ValueError: the controller is not for this environment, or gives an action of a wrong shape.
     """
     stage, policy = Single(env), as_policy(controller)
@@ -72,7 +74,7 @@ def evaluate(
         starts: states to start from, as for `reset(options={"state": ...})`.
 
     Raises:
-        ValueError: no number of episodes, no seed, or a start that is none.
+        ValueError: an invalid number of episodes, seed or start.
     """
     as_count("episodes", episodes)
     if check_seed(seed) is None:
@@ -85,7 +87,7 @@ def evaluate(
 
 
 def pooled(episodes: Sequence[Episode]) -> Statistics:
-    """Mean and population standard deviation over all steps of all episodes: the published mu_r and sigma_r."""
+    """Mean and population deviation over all steps of all episodes: published mu_r, sigma_r."""
     return Statistics.of(np.concatenate([episode.rewards for episode in episodes]) if episodes else [])
 
 
@@ -94,7 +96,7 @@ def per_episode(episodes: Sequence[Episode], failed: float | None = None) -> Sta
 
     Args:
         episodes: the episodes.
-        failed: value of a failed episode in place of its mean, such as the error reward.
+        failed: value of a failed episode instead of its mean, such as the error reward.
     """
     return Statistics.of(
         [failed if failed is not None and episode.failure else episode.rewards.mean() for episode in episodes]

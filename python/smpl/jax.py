@@ -1,7 +1,7 @@
-"""Control steps as functions of JAX: `smpl.jax.step(model, x, u, p)`, differentiable, under `jit` and `vmap`.
+"""Control steps as differentiable functions of JAX, under `jit` and `vmap`.
 
-The step runs on the host (`jax.pure_callback`); the derivatives are those of `Model.linearize_step`, exact across
-events, updates and resets inside of the step.
+The step runs on the host (`jax.pure_callback`); the derivatives are those of
+`Model.linearize_step`, exact across events, updates and resets inside of the step.
 """
 
 from __future__ import annotations
@@ -48,20 +48,23 @@ def step(
 ) -> Any:
     """States after a control step, with reverse-mode derivatives by `x`, `u` and `p`.
 
-    Leading axes are points, which run in parallel; those of `x`, `u` and `p` are broadcast. The step is computed in
-    double precision, results have the type of `x`: call `jax.config.update("jax_enable_x64", True)` for doubles.
+    Leading axes are points, which run in parallel; those of `x`, `u` and `p` are broadcast. The
+    step is computed in double precision, results have the type of `x`: call
+    `jax.config.update("jax_enable_x64", True)` for doubles.
 
     Args:
         model: a compiled model.
         x: states, (..., states).
         u: actions in physical units, (..., actions).
-        p: values of parameters, discrete variables and disturbances by name, numbers or arrays (of an array parameter
-            with its elements on the last axis); or one array with a column per name of `parameters`.
-        parameters: names of the columns of an array `p`; all parameters of the model by default. An entry of a
-            computed parameter sets it.
-        outputs: return a `Transition`, with all rewards and observations (without noise, delay and clipping).
-        keep: keep the Jacobians for the backward pass; otherwise only `x`, `u` and `p` are kept, and the step is
-            integrated again there.
+        p: values of parameters, discrete variables and disturbances by name: numbers or arrays
+            (elements of an array parameter on the last axis). Or one array with a column per name
+            of `parameters`.
+        parameters: names of the columns of an array `p`; all parameters of the model by default. An
+            entry of a computed parameter sets it.
+        outputs: return a `Transition`, with all rewards and observations (without noise, delay and
+            clipping).
+        keep: keep the Jacobians for the backward pass; otherwise only `x`, `u` and `p` are kept,
+            and the step is integrated again there.
         method, threads: as for `Model.step`.
         first_step: steps that count as completed before, an integer or a traced one.
 
@@ -70,8 +73,8 @@ def step(
 
     Raises:
         ImportError: JAX is missing.
-        ValueError: an unknown name or a wrong shape. What fails inside of the step is raised by JAX, with the message
-            of `Model.step`.
+        ValueError: an unknown name or a wrong shape. What fails inside of the step is raised by
+            JAX, with the message of `Model.step`.
 
     Example:
         jax.grad(lambda u: smpl.jax.step(model, x, u)[1])(u)    # of the temperature
@@ -109,24 +112,25 @@ def rollout(
     threads: int | None = None,
     first_step: int = 0,
 ) -> Trajectory:
-    """A chain of steps from `x` by `jax.lax.scan`, differentiable by start, actions, `p` and what a policy closes over.
+    """A differentiable chain of steps from `x` by `jax.lax.scan`.
 
-    The backward pass integrates each step again: between the passes only inputs are kept, no Jacobians. `checkpoint`
-    applies `jax.checkpoint` to each step, which also drops what a policy keeps.
+    The backward pass integrates each step again: between the passes only inputs are kept, no
+    Jacobians. `checkpoint` applies `jax.checkpoint` to each step, which also drops what a policy
+    keeps.
 
     Args:
         model: a compiled model, without a memory other than its states.
         x: states at the start, (..., states).
-        actions: (..., H, actions) in physical units; or a policy, called with the states and the number of the step,
-            which returns actions (..., actions).
+        actions: (..., H, actions) in physical units; or a policy, called with the states and the
+            number of the step, which returns actions (..., actions).
         p, parameters, method, threads, first_step: as for `step`, for all steps.
         steps: H, with a policy.
         rewards: names of the rewards to return; the model's chosen one by default.
         checkpoint: compute the policy again in the backward pass.
 
     Raises:
-        ValueError: as for `step`; or the model or a reward remembers more than the states, such as a reward relative to
-            the start.
+        ValueError: as for `step`; or the model or a reward remembers more than the states, such as
+            a reward relative to the start.
     """
     jax = load("jax", "smpl.jax")
     columns = chained_rewards(model, rewards)
@@ -205,7 +209,7 @@ def _function(layer: Layer, keep: bool) -> Any:
 
 
 def _called(jax: Any, layer: Layer, by: Any, x: Array, u: Array, q: Array, first: Array) -> Any:
-    """Values and Jacobians of points with any leading axes, computed on the host; without `by` values alone."""
+    """Values and Jacobians of points with any leading axes, computed on the host."""
     sizes = [] if by is None else [s if wanted else 0 for s, wanted in zip(_columns(layer), by, strict=True)]
     batch, width = x.shape[:-1], layer.width
     shapes = [(*batch, width), *((*batch, width, size) for size in sizes)]

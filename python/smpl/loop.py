@@ -447,7 +447,7 @@ def base_of(env: Any) -> Env:
     """The environment of smpl in its wrappers.
 
     Raises:
-        TypeError: there is none.
+        TypeError: no environment of smpl is beneath.
     """
     base = getattr(env, "unwrapped", env)
     if not isinstance(base, Env):

@@ -57,10 +57,10 @@ class Port:
     Attributes:
         name: its path, `R1.inlet`.
         connector: name of the connector that it is made of.
-        members: for each member of the connector the names of its numbers among `algebraic_names`; `algebraic_units`
-            and `env.algebraic` have their units and values.
-        equals: for each member the name of the state, action, disturbance, parameter or discrete variable that it
-            always is; a member that is computed has none.
+        members: for each member of the connector the names of its numbers among `algebraic_names`;
+            `algebraic_units` and `env.algebraic` have their units and values.
+        equals: for each member the name of the state, action, disturbance, parameter or discrete
+            variable that it always is; a member that is computed has none.
     """
 
     name: str
@@ -76,22 +76,25 @@ class Port:
 
 
 class CompileWarning(UserWarning):
-    """What the compiler found in a model that it compiled all the same: hardly what was meant."""
+    """Warning of the compiler about a probable mistake in a model."""
 
 
 class Model(Named):
     """A compiled model; made by `smpl.compile`.
 
-    `y` are the states followed by the algebraic variables that are solved for (`unknown_names`), `yp` their time
-    derivatives (those of algebraic variables are not looked at), `u` the actions, all in the declared units.
-    `p` maps names of parameters, discrete variables and disturbances to values; the others have their defaults.
+    `y` are the states followed by the algebraic variables that are solved for (`unknown_names`).
+    `yp` are their time derivatives, those of algebraic variables ignored, and `u` the actions, all
+    in declared units. `p` maps names of parameters, discrete variables and disturbances to values;
+    the others have their defaults.
 
     Attributes:
         name, text: name and describing text of the model.
         time_name, time_unit: the independent variable.
         explicit: whether `rhs` is available.
-        delays: the calls of `delay` that the model reads, `delay(T, theta)`; its past is part of its state then.
-        step: sampling interval in `time_unit`; called as `model.step(x, u)` it takes a control step, see `Step`.
+        delays: the calls of `delay` that the model reads, `delay(T, theta)`; its past is part of
+            its state then.
+        step: sampling interval in `time_unit`; called as `model.step(x, u)` it takes a control
+            step, see `Step`.
         max_steps: time limit in steps.
         reward: the chosen reward; `levels`: observation levels.
         phases: names of the phases of the model's schedule, empty without one.
@@ -119,7 +122,7 @@ class Model(Named):
         self._times = _times(native.sources)
 
     def is_stale(self) -> bool:
-        """Whether a file that the model was compiled from has changed since, imports of any name included."""
+        """True if a file of the model or of its imports has changed since it was compiled."""
         return self._times != _times(self._times)
 
     @property
@@ -135,10 +138,11 @@ class Model(Named):
         return f"<smpl.Model {self.name}: {sizes}{''.join(chosen)}>"
 
     def picture(self, show: str | Sequence[str] = ()) -> _native.Picture:
-        """An episode with the nominal policy, at most 200 steps of it, as `smpl simulate --plot` draws it.
+        """At most 200 steps with the nominal policy, as `smpl simulate --plot` draws them.
 
         Args:
-            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is empty.
+            show: names of quantities, `states`, `actions` and so on; a sensible choice where it is
+                empty.
 
         Raises:
             ValueError: an unknown name.
@@ -176,7 +180,7 @@ class Model(Named):
         return self
 
     def variant_of(self, **changes: Any) -> Model:
-        """The same model compiled with other arguments of `smpl.compile`, for example `observation="full"`."""
+        """The model compiled with other arguments of `smpl.compile`, as `observation="full"`."""
         return compile(**{**self._arguments, **changes})
 
     @cached_property
@@ -194,12 +198,14 @@ class Model(Named):
     ) -> FloatArray:
         """Residual: f - y' for differential rows, g for algebraic ones; shape of `y`.
 
-        `initial(x)` and `previous(x)` are x, as at the start of an episode from there (actions at their nominal
-        values), `steady(x)` is that of the model's own steady state. So it is for `jacobian`, `rhs` and `linearize`.
+        `initial(x)` and `previous(x)` are x, as at the start of an episode from there (actions at
+        their nominal values), `steady(x)` is that of the model's own steady state. So it is for
+        `jacobian`, `rhs` and `linearize`.
 
         Raises:
-            ValueError: a wrong shape, a name in `p` that the model does not have, or a value in `u` or `p` that is not
-                finite. Elements of `y` and `yp` may be: solvers try such points, and see it in the result.
+            ValueError: a wrong shape, a name in `p` that the model does not have, or a value in `u`
+                or `p` that is not finite. Elements of `y` and `yp` may be: solvers try such points,
+                and see it in the result.
         """
         return self.native.residual(as_finite_number("t", t), self._y(y), self._y(yp, "yp"), self._u(u), self._given(p))
 
@@ -249,17 +255,18 @@ class Model(Named):
     ) -> FloatArray:
         """Steady state at the action `u`: the unknowns `y` with vanishing residual.
 
-        `initial(x)`, `previous(x)` and `steady(x)` are x itself, for other actions than those of the `steady` block
-        too. Discrete variables are held at their initial values, or those in `p`: updates `at start` and `at end` do
-        not run.
+        `initial(x)`, `previous(x)` and `steady(x)` are x itself, for other actions than those of
+        the `steady` block too. Discrete variables are held at their initial values, or those in
+        `p`: updates `at start` and `at end` do not run.
 
         Args:
             u: actions.
             p: parameters and the like.
-            fixed: values of states that the equations leave free, by name; those of the model's `steady` block by
-                default.
-            guess: where the search begins, states and solved algebraic variables by name (`unknown_names`); the others
-                begin at the model's steady state, else where they start. Of several steady states it tells which.
+            fixed: values of states that the equations leave free, by name; those of the model's
+                `steady` block by default.
+            guess: where the search begins, states and solved algebraic variables by name
+                (`unknown_names`); the others begin at the model's steady state, else where they
+                start. It selects one of several steady states.
 
         Raises:
             ValueError: as for `residual`.
@@ -280,7 +287,8 @@ class Model(Named):
         """Steady state in which some unknowns have given values and as many actions are found.
 
         Args:
-            fixed: values of states and solved algebraic variables (`unknown_names`), physical units.
+            fixed: values of states and solved algebraic variables (`unknown_names`), physical
+                units.
             free: names of the actions that are found, as many as `fixed` has.
             u: actions; those of `free` are guesses. The nominal ones by default.
             p: parameters and the like.
@@ -310,13 +318,14 @@ class Model(Named):
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
 
-        d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z, physical units. Discrete
-        variables and what is read of other instants (`initial(x)`, `previous(x)`, `steady(x)`) are held at their values
-        as for `residual`: `linearize_step` has the derivatives of a whole step, where they move.
+        d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z,
+        physical units. Discrete variables and values of other instants (`initial(x)`,
+        `previous(x)`, `steady(x)`) are constant as for `residual`; `linearize_step` has the
+        derivatives of a whole step, in which they change.
 
         Raises:
-            ValueError: as for `residual`; also where `y` has an element that is not finite, or a value of `p` lies
-                outside of its bounds.
+            ValueError: as for `residual`; also if an element of `y` is not finite, or a value of
+                `p` exceeds its bounds.
         """
         given = self._within(self._given(p))
         return self.native.linearize(as_finite("y", y, len(self.unknown_names)), self._u(u), given)
@@ -335,26 +344,30 @@ class Model(Named):
         first_step: int = 0,
         outputs: bool = False,
     ) -> Rollout:
-        """Many trajectories at once, on all cores and without the interpreter lock; nothing is kept.
+        """Many trajectories at once, on all cores and without the interpreter lock.
 
-        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an `smpl.Env` that was
-        reset to it, for any number of threads.
+        Each trajectory is an episode from a given state: the same, bit for bit, as steps of an
+        `smpl.Env` that was reset to it, for any number of threads.
 
         Args:
-            states: differential states at the start, physical units: (N, states), or (states,) for all trajectories.
+            states: differential states at the start, physical units: (N, states), or (states,) for
+                all trajectories.
             actions: physical units: (N, H, actions), or (H, actions) for all trajectories.
             parameters: values by name, one for all trajectories or one for each, shape (N,).
             discrete: discrete variables at the start, likewise.
-            disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one number throughout.
-            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random numbers are at
-                their means and observations without noise: what is expected.
-            method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`; the model's or scenario's if none.
+            disturbances: recorded sequences by name, (H,) for all trajectories or (N, H), or one
+                number throughout.
+            seed: trajectory i has the random numbers of `reset(seed=seed + i)`. Without one, random
+                numbers are at their means and observations without noise: what is expected.
+            method: what takes the steps, `ida`, `rosenbrock`, `explicit` or `auto`; the model's or
+                scenario's if none.
             threads: all processors if none.
             first_step: steps that count as completed at the start: the clock begins there.
             outputs: also return the algebraic outputs.
 
         Raises:
-            ValueError: an unknown name, a wrong shape, no finite number; the message names the argument.
+            ValueError: an unknown name, a wrong shape, no finite number; the message names the
+                argument.
         """
         return rollout(
             self,
@@ -383,11 +396,12 @@ class Model(Named):
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """A control step with its exact derivatives by states, actions and the named parameters.
 
-        Arguments and errors are those of `step`; `linearize_step` has derivatives of rewards and observations too.
+        Arguments and errors are those of `step`; `linearize_step` has derivatives of rewards and
+        observations too.
 
         Returns:
-            `(x_next, dx_dx, dx_du, dx_dp)` of shapes (n,), (n, n), (n, m) and (n, parameters), each with a leading
-            axis N if `x` or `u` has points.
+            `(x_next, dx_dx, dx_du, dx_dp)` of shapes (n,), (n, n), (n, m) and (n, parameters), each
+            with a leading axis N if `x` or `u` has points.
         """
         found = self.linearize_step(
             x, u, p, parameters=parameters, method=method, threads=threads, first_step=first_step
@@ -410,14 +424,15 @@ class Model(Named):
     ) -> StepDerivatives:
         """A control step with the exact derivatives of states, rewards and observations.
 
-        Updates and resets at sampling instants are part of the step, and so are events, by their jump conditions. A
-        step that has no derivative is refused by the name of the event.
+        Updates and resets at sampling instants are part of the step, and so are events, by their
+        jump conditions. A step that has no derivative is refused by the name of the event.
 
         Args:
             x, u, p, method, threads, first_step: as for `step`.
             by: `"state"`, `"action"`, or both: what else derivatives are taken by.
             parameters: names of parameters, whole arrays too.
-            discrete: names of discrete variables, by whose values at the start derivatives are taken.
+            discrete: names of discrete variables, by whose values at the start derivatives are
+                taken.
             disturbances: names of disturbances.
 
         Raises:
@@ -454,8 +469,8 @@ class Model(Named):
     ) -> EpisodeGradient:
         """The value of an episode with its exact derivatives by start, actions and parameters.
 
-        The value is the sum of the reward, each step's multiplied by another `discount`, and of `final` times the last
-        states. Derivatives of the steps are accumulated backwards in time.
+        The value is the sum of the reward, each step's multiplied by another `discount`, and of
+        `final` times the last states. Derivatives of the steps are accumulated backwards in time.
 
         Args:
             x: states at the start, (states,), or (N, states) for N episodes on all cores.
@@ -467,8 +482,8 @@ class Model(Named):
             parameters: names of parameters, whole arrays too.
 
         Raises:
-            ValueError: as for `step`; or the model remembers more than its states, so that an episode is no chain of
-                steps.
+            ValueError: as for `step`; or the model remembers more than its states, so that an
+                episode is not a chain of steps.
             SimulationError: the episode ends early, or a step has no derivative.
         """
         return gradient(
@@ -513,7 +528,7 @@ class Model(Named):
         ]
 
     def _within(self, given: list[tuple[str, int, float]]) -> list[tuple[str, int, float]]:
-        """Values of discrete variables and disturbances, refused outside of their bounds, as those of parameters."""
+        """Values of discrete variables and disturbances, refused out of bounds like parameters."""
         for role, index, value in given:
             low, high = (float(bound[index]) for bound in self.native.bounds(role))
             if role != "parameter" and not low <= value <= high:
@@ -536,26 +551,30 @@ def compile(
     """Compile a model.
 
     Args:
-        path: an `.eq` file, or the name of a shipped model (`reactor`), which goes before a file of that name. Also
-            what `smpl compile` wrote (`.smplc`), and what `smpl export --to json` wrote (`.json`).
-        source: the text of a model in place of a file.
+        path: an `.eq` file, or the name of a shipped model (`reactor`), which goes before a file of
+            that name. Also what `smpl compile` wrote (`.smplc`), and what `smpl export --to json`
+            wrote (`.json`).
+        source: the text of a model instead of a file.
         scenario: name of a scenario of the model, or a YAML file; none is `default`.
         variants: switches (`"reward_floor"`) and choices (`"axial_scheme=legacy"`).
-        settings: values of settings and parameters by name, which override random draws. An array of parameters is
-            named as a whole, with one value or one for each element, or element by element (`"fault[1]"`). Also
-            `rtol`, `one_step_rtol`, `atol_factor`, `max_order`, `max_internal_steps` and `linear_solver` of the
-            solver, and `step`, `integrate`, `max_steps` and `error_reward` of the episode.
+        settings: values of settings and parameters by name, which override random draws. An array
+            of parameters is named as a whole, with one value or one for each element, or element by
+            element (`"fault[1]"`). Also `rtol`, `one_step_rtol`, `atol_factor`, `max_order`,
+            `max_internal_steps` and `linear_solver` of the solver, and `step`, `integrate`,
+            `max_steps` and `error_reward` of the episode.
         observation: observation level.
         reward: the reward that `step` returns; the model's default if none.
-        extra: statements of the language that follow those of the file, such as `reward full = h / 1 [m]`: a
-            reward, a constraint, a variant, an observation level. Findings in them name `extra` and its line.
+        extra: statements of the language that follow those of the file, such as `reward full = h /
+            1 [m]`: a reward, a constraint, a variant, an observation level. Findings in them name
+            `extra` and its line.
 
     Warns:
-        CompileWarning: the compiler has doubts, about a model that is not shipped; `Model.warnings` has all of them.
+        CompileWarning: the compiler has doubts, about a model that is not shipped; `Model.warnings`
+        has all of them.
 
     Raises:
-        CompileError: the model is at fault.
-        ScenarioError: the scenario, a variant or a setting is at fault.
+        CompileError: the model is invalid.
+        ScenarioError: the scenario, a variant or a setting is invalid.
         FileNotFoundError: there is no such file.
     """
     if (path is None) == (source is None):
@@ -597,7 +616,7 @@ def _compile(
     extra: str | None,
     stamp: tuple[int, ...],
 ) -> Model:
-    """Compile once for each set of arguments; `stamp` tells versions of the files apart."""
+    """Compiles once for each set of arguments; `stamp` distinguishes versions of the files."""
     del stamp
     native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward, extra)
     arguments: dict[str, Any] = {
@@ -608,7 +627,7 @@ def _compile(
         "settings": dict(settings),
         "observation": observation,
         "reward": reward,
-        # Left out where there is none: the arguments are part of a task's checksum.
+        # Omitted without a value: the arguments are part of a task's checksum.
         **({} if extra is None else {"extra": extra}),
     }
     return Model(native, arguments)
@@ -619,7 +638,7 @@ def _recompile(arguments: dict[str, Any]) -> Model:
 
 
 def _portable(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Arguments that mean the same elsewhere: shipped models by their names, other files by absolute paths."""
+    """Arguments for other processes: names of shipped models, absolute paths of other files."""
     path, scenario = arguments["path"], arguments["scenario"]
     if path is not None:
         shipped = Path(path).parent in model_folders() and Path(path).suffix == ".eq"
@@ -644,7 +663,7 @@ def as_variants(given: Any) -> tuple[str, ...]:
     """Variants one by one.
 
     Raises:
-        ValueError: they are no texts.
+        ValueError: they are not texts.
     """
     if isinstance(given, str):
         return (given,)
@@ -664,7 +683,7 @@ def _resolve(path: str | os.PathLike[str]) -> str:
 
 
 def _stamp(path: str | None, scenario: str | None) -> tuple[int, ...]:
-    """Times of change of the files beside the model, so that an edited file is compiled anew."""
+    """Times of change of the files next to the model, so that an edited file is compiled again."""
     if path is None:
         return ()
     folder = Path(path).parent
@@ -685,7 +704,7 @@ def _text(name: str, value: Setting) -> str:
     """A setting as the command line would write it.
 
     Raises:
-        ScenarioError: it is no setting.
+        ScenarioError: it is not a setting.
     """
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"

@@ -2,7 +2,8 @@
 
     smpl.plot("run.csv", model="models/reactor.eq").save("run.pdf")
 
-A `Picture` shows itself in a notebook; `save` writes SVG, PNG, PDF or a page of HTML by the ending of the file.
+A `Picture` shows itself in a notebook; `save` writes SVG, PNG, PDF or a page of HTML by the ending
+of the file.
 """
 
 from __future__ import annotations
@@ -28,11 +29,12 @@ def plot(
 
     Args:
         runs: path of a table, or several.
-        show: names of quantities or columns, `states`, `actions` and so on; a sensible choice where it is empty.
+        show: names of quantities or columns, `states`, `actions` and so on; a sensible choice where
+            it is empty.
         model: the model that made them, for units, bounds, set-points and names of phases.
 
     Raises:
-        ValueError: a table is at fault, or has nothing of a name.
+        ValueError: a table is invalid, or has no column of a name.
         OSError: a table cannot be read.
     """
     paths = [runs] if isinstance(runs, (str, os.PathLike)) else list(runs)

@@ -1,8 +1,9 @@
 """Policies: everything that chooses actions, behind one interface.
 
-`as_policy` adapts a controller (`action(env)`, physical units), a policy of Stable-Baselines3, d3rlpy, scikit-learn or
-RLlib, an object that acts on a batch, or a function of the observation. The table `KINDS` lists the kinds of objects in
-the order in which they are tried; `smpl.learning.load_policy` reads files.
+`as_policy` adapts a controller (`action(env)`, physical units), a policy of Stable-Baselines3,
+d3rlpy, scikit-learn or RLlib, an object that acts on a batch, or a function of the observation. The
+table `KINDS` lists the kinds of objects in the order in which they are tried;
+`smpl.learning.load_policy` reads files.
 """
 
 from __future__ import annotations

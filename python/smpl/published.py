@@ -1,4 +1,4 @@
-"""`python -m smpl.published --out DIR`: published and own figures, see `smpl_benchmarks.published`."""
+"""`python -m smpl.published --out DIR`: published and own figures."""
 
 from smpl.support.benchmarks import find_benchmarks
 

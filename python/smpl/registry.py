@@ -54,8 +54,8 @@ GALLERY = {
 def register_envs() -> None:
     """Register `smpl/NAME-v0` for every shipped model, unless it is registered already.
 
-    No `max_episode_steps` is given: the environment counts its steps itself, by its scenario. Entry points are text
-    and arguments plain data, so that a specification can be written as JSON.
+    No `max_episode_steps` is given: the environment counts its steps itself, by its scenario. Entry
+    points are text and arguments plain data, so that a specification can be written as JSON.
     """
     for name, model in (ENVIRONMENTS | GALLERY).items():
         identifier = f"smpl/{name}-v0"

@@ -20,7 +20,7 @@ _MOST_LINES = 12
 
 
 class History:
-    """What an environment went through since its last reset, recorded only where it is to be rendered."""
+    """Record of an environment since its last reset, kept only for rendering."""
 
     def __init__(self, env: Env) -> None:
         self._env = env
@@ -63,7 +63,7 @@ class History:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether there is an episode to draw."""
+        """True if there is an episode to draw."""
         return self._recording is not None
 
     @property

@@ -1,7 +1,7 @@
 """Stable-Baselines3 on the native vector environment (extra `sb3`).
 
-Stable-Baselines3 has vector environments of its own kind; `SB3VecEnv` is one of them over `smpl.VectorEnv`, so that all
-environments are stepped in one call without the interpreter lock.
+`SB3VecEnv` is a vector environment of Stable-Baselines3 over `smpl.VectorEnv`: one call without the
+interpreter lock steps all environments.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
     """A vector environment of Stable-Baselines3.
 
     Args:
-        model: a compiled model, a path, the name of a shipped model, the id of a registered environment
-            (`smpl/Reactor-v0`), or an `smpl.VectorEnv` with same-step autoreset, to which nothing else is given.
+        model: a compiled model, a path, the name of a shipped model, or the id of a registered
+            environment (`smpl/Reactor-v0`). Or an `smpl.VectorEnv` with same-step autoreset,
+            without further arguments.
         num_envs: number of environments, 1 by default.
-        arguments: as of `smpl.VectorEnv`; the mode of autoreset is same-step, as Stable-Baselines3 wants it.
+        arguments: as of `smpl.VectorEnv`; the mode of autoreset is same-step, as Stable-Baselines3
+            requires.
 
     Raises:
         ValueError: an id of another package, or a vector environment that does not fit.
@@ -37,7 +39,7 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
         super().__init__(self.venv.num_envs, self.venv.single_observation_space, self.venv.single_action_space)
 
     def reset(self) -> npt.NDArray[np.float32]:
-        """Start all episodes, with the seeds and options given before, and return the observations."""
+        """Starts all episodes with the seeds and options set before; returns observations."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         given = next((options for options in self._options if options), None)
         observations, infos = self.venv.reset(seed=seeds, options=given)
@@ -72,7 +74,7 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
         truncated: npt.NDArray[np.bool_],
         infos: dict[str, Any],
     ) -> list[dict[str, Any]]:
-        """Infos one by one; those of ended episodes are their last ones, with the last observation."""
+        """Infos one by one; ended episodes have their last one, with the last observation."""
         result = rows(infos)
         ended = np.flatnonzero(done)
         last = rows(infos["final_info"], ended) if len(ended) else []
@@ -105,7 +107,7 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
-        """There are none."""
+        """Returns no methods."""
         return [None] * self.num_envs
 
 
@@ -116,14 +118,14 @@ def _vector(model: Any, num_envs: int | None, arguments: dict[str, Any]) -> Vect
         if inner is not model or not isinstance(inner, VectorEnv):
             raise ValueError(f"model is {model}, expected an smpl.VectorEnv without wrappers")
         if inner.autoreset_mode != AutoresetMode.SAME_STEP:
-            raise ValueError(f"autoreset_mode is {inner.autoreset_mode.name}, Stable-Baselines3 wants SAME_STEP")
+            raise ValueError(f"autoreset_mode is {inner.autoreset_mode.name}, Stable-Baselines3 needs SAME_STEP")
         if num_envs not in (None, inner.num_envs) or arguments:
             raise ValueError("num_envs and other arguments belong to the vector environment that is given")
         return inner
     if isinstance(model, str) and model.removeprefix("smpl:") in gymnasium.registry:
         spec = gymnasium.spec(model)
         if spec.vector_entry_point != "smpl.vector:VectorEnv":
-            raise ValueError(f"{model!r} is no environment of smpl")
+            raise ValueError(f"{model!r} is not an environment of smpl")
         arguments = {**spec.kwargs, **arguments}
         model = arguments.pop("model")
     count = 1 if num_envs is None else num_envs

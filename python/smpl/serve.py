@@ -1,8 +1,8 @@
 """`smpl serve FILE.eq --opcua`: a plant in real time or faster behind OPC UA (extra `opcua`).
 
-Tags below `Objects/Plant`: `Actions` (writable, within their limits), `Observations`, `States` and `Status`
-(read-only), with unit and range; `Alarms` is true while a limit is violated. Methods: `Start`, `Stop`, `Reset(seed)`,
-`SetSpeed(speed)`. Actions act at the next sampling instant.
+Tags below `Objects/Plant`: `Actions` (writable, within their limits), `Observations`, `States` and
+`Status` (read-only), with unit and range; `Alarms` is true while a limit is violated. Methods:
+`Start`, `Stop`, `Reset(seed)`, `SetSpeed(speed)`. Actions act at the next sampling instant.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 864
 
 
 class Clock:
-    """Sampling instants of a plant in wall time; the instants do not drift with the time that steps take.
+    """Sampling instants of a plant in wall time, which do not drift with the duration of steps.
 
     Args:
         interval: seconds of the plant between two instants.
@@ -104,7 +104,8 @@ class OpcUaServer:
         plant: the plant.
         host, port: where it listens; port 0 picks a free one.
         speed: seconds of the plant per second.
-        certificate, key: files; with them connections are signed and encrypted, without them they are not.
+        certificate, key: files; with them connections are signed and encrypted, without them they
+            are not.
 
     Attributes:
         address: `opc.tcp://HOST:PORT/smpl`.
@@ -112,7 +113,8 @@ class OpcUaServer:
 
     Raises:
         ImportError: the package `asyncua` is missing.
-        ValueError: a speed that is not positive, or a host other than the loopback without a certificate.
+        ValueError: a speed that is not positive, or a host other than the loopback without a
+            certificate.
     """
 
     def __init__(

@@ -1,6 +1,7 @@
 """Control steps as layers of PyTorch: `smpl.torch.step(model, x, u, p)`.
 
-The derivatives are those of `Model.linearize_step`, exact across events, updates and resets inside of the step.
+The derivatives are those of `Model.linearize_step`, exact across events, updates and resets inside
+of the step.
 """
 
 from __future__ import annotations
@@ -48,20 +49,23 @@ def step(
 ) -> Any:
     """States after a control step, differentiable by `x`, `u` and `p`.
 
-    Leading axes are points, which run in parallel; those of `x`, `u` and `p` are broadcast. The result has the type
-    and device of `x`; the step is computed in double precision on the processor.
+    Leading axes are points, which run in parallel; those of `x`, `u` and `p` are broadcast. The
+    result has the type and device of `x`; the step is computed in double precision on the
+    processor.
 
     Args:
         model: a compiled model.
         x: states, (..., states).
         u: actions in physical units, (..., actions).
-        p: values of parameters, discrete variables and disturbances by name, numbers or tensors (of an array parameter
-            with its elements on the last axis); or one tensor with a column per name of `parameters`.
-        parameters: names of the columns of a tensor `p`; all parameters of the model by default. An entry of a
-            computed parameter sets it.
-        outputs: return a `Transition`, with all rewards and observations (without noise, delay and clipping).
-        keep: keep the Jacobians for the backward pass; otherwise only `x`, `u` and `p` are kept, and the step is
-            integrated again there.
+        p: values of parameters, discrete variables and disturbances by name: numbers or tensors
+            (elements of an array parameter on the last axis). Or one tensor with a column per name
+            of `parameters`.
+        parameters: names of the columns of a tensor `p`; all parameters of the model by default. An
+            entry of a computed parameter sets it.
+        outputs: return a `Transition`, with all rewards and observations (without noise, delay and
+            clipping).
+        keep: keep the Jacobians for the backward pass; otherwise only `x`, `u` and `p` are kept,
+            and the step is integrated again there.
         method, threads, first_step: as for `Model.step`.
 
     Returns:
@@ -111,22 +115,22 @@ def rollout(
 ) -> Trajectory:
     """A chain of steps from `x`, differentiable by start, actions, `p` and the weights of a policy.
 
-    The backward pass integrates each step again: between the passes only inputs are kept, no Jacobians. `checkpoint`
-    also drops what a policy keeps, except at the beginning of each section.
+    The backward pass integrates each step again: between the passes only inputs are kept, no
+    Jacobians. `checkpoint` also drops what a policy keeps, except at the beginning of each section.
 
     Args:
         model: a compiled model, without a memory other than its states.
         x: states at the start, (..., states).
-        actions: (..., H, actions) in physical units; or a policy, called with the states and the number of the step,
-            which returns actions (..., actions).
+        actions: (..., H, actions) in physical units; or a policy, called with the states and the
+            number of the step, which returns actions (..., actions).
         p, parameters, method, threads, first_step: as for `step`, for all steps.
         steps: H, with a policy.
         rewards: names of the rewards to return; the model's chosen one by default.
         checkpoint: length of the sections.
 
     Raises:
-        ValueError: as for `step`; or the model or a reward remembers more than the states, such as a reward
-            relative to the start.
+        ValueError: as for `step`; or the model or a reward remembers more than the states, such as
+            a reward relative to the start.
         SimulationError: as for `step`.
 
     Example:
@@ -219,7 +223,7 @@ def _function() -> Any:
     base: Any = torch.autograd.Function
 
     class ControlStep(base):  # type: ignore[misc]
-        """`(x, u, q) -> values` of N points, and the Jacobians, which have no derivatives of their own."""
+        """`(x, u, q) -> values` of N points, and the Jacobians, which are not differentiable."""
 
         @staticmethod
         def forward(layer: Layer, keep: bool, first: int, by: By, x: Tensor, u: Tensor, q: Tensor) -> Any:

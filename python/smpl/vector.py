@@ -1,4 +1,4 @@
-"""The vector environment: many environments of one model stepped together, in threads, without the interpreter lock."""
+"""Vector environment: many environments of one model, stepped in threads."""
 
 from __future__ import annotations
 
@@ -52,18 +52,19 @@ StepResult = tuple[Observation, FloatArray, BoolArray, BoolArray, dict[str, Any]
 class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one model behind Gymnasium's vector interface.
 
-    Sub-environment i of `reset(seed=s)` gives, bit for bit, what `smpl.Env` gives with seed s + i, for every number of
-    environments and threads. `infos` holds arrays, each with a mask under `_key`; `constraints` and `rewards` are
-    mappings to such arrays.
+    Sub-environment i of `reset(seed=s)` gives, bit for bit, what `smpl.Env` gives with seed s + i,
+    for every number of environments and threads. `infos` holds arrays, each with a mask under
+    `_key`; `constraints` and `rewards` are mappings to such arrays.
 
     Args:
-        model, normalize, dense_reward, reward, observation, scenario, variants, settings, max_steps, info_state,
+        model, normalize, dense_reward, reward, observation: as for `smpl.Env`.
+        scenario, variants, settings, max_steps, info_state: as for `smpl.Env`.
         method, max_step, extra: as for `smpl.Env`.
         num_envs: number of sub-environments.
         autoreset_mode: an AutoresetMode, or its name or value in any case, underscores ignored.
-        num_threads: threads that step, fewer where one is faster; all processors if none.
-        render_mode: must be none; a batch has no picture.
-        max_episode_steps: the same as `max_steps`, under the name that `gymnasium.make_vec` uses.
+        num_threads: threads that step, fewer if one is faster; None for all processors.
+        render_mode: must be None; a batch has no picture.
+        max_episode_steps: the same as `max_steps`, under the name of `gymnasium.make_vec`.
     """
 
     def __init__(
@@ -124,8 +125,10 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Start episodes in all sub-environments, or in those of `options["reset_mask"]`.
 
         Args:
-            seed: s gives sub-environment i the seed s + i; a sequence gives each its own, where an entry may be None.
-            options: as for `smpl.Env.reset`, the same for all; `reset_mask` is a boolean array with at least one True.
+            seed: s gives sub-environment i the seed s + i; a sequence gives each its own, where an
+                entry may be None.
+            options: as for `smpl.Env.reset`, the same for all; `reset_mask` is a boolean array with
+                at least one True.
 
         Raises:
             ValueError: an unknown option or name, a wrong shape or number of seeds.
@@ -143,7 +146,8 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
         Raises:
             ValueError: wrong shape or a NaN action; nothing is stepped then.
-            gymnasium.error.ResetNeeded: with autoreset disabled, a sub-environment that has ended was not reset.
+            gymnasium.error.ResetNeeded: with autoreset disabled, a sub-environment that has ended
+                was not reset.
         """
         expected = (self.num_envs, len(self.action_names))
         values = as_numbers("actions", actions, str(expected))
@@ -190,7 +194,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     # Episodes and seeds.
 
     def policy(self, name: str) -> FloatArray:
-        """Actions in physical units that a policy of the model chooses for the coming step, shape (num_envs, actions).
+        """Physical actions (num_envs, actions) of a policy of the model for the coming step.
 
         Args:
             name: one of `model.policies`.
@@ -223,7 +227,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.array(mask, dtype=np.bool_)
 
     def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
-        """A seed for each sub-environment, none for its next episode; drawn where none was ever given."""
+        """A seed for each sub-environment, None for its next episode; drawn at the first reset."""
         if seed is None and self._seeded:
             return None
         seeds = self._seeds(int(self.np_random.integers(2**63)) if seed is None else seed)
@@ -254,7 +258,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         }
 
     def _texts(self, given: Sequence[str] | None) -> npt.NDArray[np.object_]:
-        """One text for each sub-environment, empty where there is none."""
+        """One text for each sub-environment, possibly empty."""
         texts = self._no_texts.copy()
         if given is not None:
             texts[:] = given
@@ -265,7 +269,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.repeat(mask[np.newaxis], self._mask_count, axis=0)
 
     def _infos(self, info: _native.BatchInfo, masks: BoolArray) -> dict[str, Any]:
-        """Arrays of the compiled module as Gymnasium's vector info; each key has a row of the masks for its own."""
+        """Arrays of the compiled module as Gymnasium's vector info, with a mask for each key."""
         time, success, failures, constraints, cost, rewards, state, phases, successes = info
         rows = iter(masks)
         # Rows of a fresh matrix, and so are the masks: an array for each, and one allocation for
@@ -294,7 +298,7 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 
 def make_vec(model: Model | str | os.PathLike[str], num_envs: int = 1, **arguments: Any) -> VectorEnv:
-    """A vector environment of a compiled model, a path or the name of a shipped model; arguments as of `VectorEnv`."""
+    """A vector environment of a model, a path or a name; arguments as of `VectorEnv`."""
     return VectorEnv(model, num_envs, **arguments)
 
 

@@ -17,10 +17,11 @@ Action = npt.NDArray[Any]
 
 
 class SafetyGymnasium:
-    """The interface of Safety-Gymnasium: `step` returns observation, reward, cost, terminated, truncated, info.
+    """Interface of Safety-Gymnasium: `step` also returns a cost after the reward.
 
-    It is no `gymnasium.Wrapper`, since six results are not Gymnasium's five; all else is that of the environment.
-    The cost is `info["cost"]`, the sum of the violations of all constraints, 0 where they are kept.
+    It is not a `gymnasium.Wrapper`, since it returns six results instead of five; other attributes
+    are those of the environment. The cost is `info["cost"]`, the sum of the violations of all
+    constraints, 0 where they are kept.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
@@ -42,9 +43,10 @@ class SafetyGymnasium:
 
 
 class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
-    """Actions in [-1, 1] around the nominal ones: 0 is nominal, -1 and 1 are the bounds; linear on each side.
+    """Actions in [-1, 1] around the nominal ones: 0 is nominal, -1 and 1 are the bounds.
 
-    A policy that starts at zero then starts at the nominal operating point, which is seldom the middle of the box.
+    A policy that starts at zero then starts at the nominal operating point, which is seldom the
+    middle of the box.
 
     Example:
         >>> env = AroundNominal(gymnasium.make("smpl/Reactor-v0"))  # doctest: +SKIP
@@ -75,13 +77,13 @@ class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
 
 
 def outer_action(env: gymnasium.Env[Any, Any], action: Action) -> Action:
-    """What `env.step` must be given for `action` to arrive at the environment beneath all wrappers.
+    """Argument of `env.step` for which `action` arrives at the environment beneath all wrappers.
 
-    Wrappers that change actions must be known: `AroundNominal`, Gymnasium's `RescaleAction` and `ClipAction`, or one
-    with a method `reverse_action`.
+    Wrappers that change actions must be known: `AroundNominal`, Gymnasium's `RescaleAction` and
+    `ClipAction`, or one with a method `reverse_action`.
 
     Raises:
-        TypeError: a wrapper changes actions in a way that nobody can undo.
+        TypeError: a wrapper changes actions irreversibly.
     """
     wrappers: list[Any] = []
     while isinstance(env, gymnasium.Wrapper):

@@ -210,7 +210,7 @@ def test_arguments_that_say_what_holds_anyway_make_no_other_data_set(tmp_path):
     with pytest.raises(ValueError, match="settings: arguments of an environment, and none is given"):
         load(tmp_path, settings={"spread": 0.1})
     (tmp_path / "file").write_text("")
-    with pytest.raises(DatasetError, match="file is no folder"):
+    with pytest.raises(DatasetError, match="file is not a folder"):
         collect("reactor", "pid", 2, tmp_path / "file")
 
 
@@ -544,7 +544,7 @@ def test_a_policy_file_that_cannot_be_read_is_named(name, tmp_path, monkeypatch)
         monkeypatch.setattr("smpl.learning.agents.load_policy", lambda spec: Batched())
         for text in ("{", '{"reach": 9}', "3"):
             (tmp_path / "formulation.json").write_text(text)
-            with pytest.raises(ValueError, match=r"formulation.json is no formulation: "):
+            with pytest.raises(ValueError, match=r"formulation.json is not a formulation: "):
                 Plan.of(Task.of("reactor"), spec, 1)
 
 
@@ -714,7 +714,7 @@ def test_a_controller_may_have_an_action_alone(tmp_path):
         ({"controller": Proportional}, "the class Proportional"),
         ({"episodes": 0}, "episodes is 0"),
         ({"env": "smpl/Rector-v0"}, "Rector"),
-        ({"env": "CartPole-v1"}, "no environment of smpl"),
+        ({"env": "CartPole-v1"}, "not an environment of smpl"),
         ({"starts": "gird"}, "starts is 'gird'; there are: sampled, grid"),
         ({"starts": [{"x": 1.0}]}, "unknown name 'x'|starts.*x"),
         ({"randomize": {"UU": (1, 2)}}, "UU"),

@@ -189,7 +189,7 @@ def test_faulty_data_sets_of_2022_are_refused(tmp_path):
     path = tmp_path / "set.pkl"
     cases = [
         (pickle.dumps(Bomb()), "asks for posix.system"),
-        (b"garbage", "no data set of 2022"),
+        (b"garbage", "not a data set of 2022"),
         (pickle.dumps([1, 2]), "expected a dictionary with observations.* got list"),
         (pickle.dumps({**legacy_dictionary(), "rewards": np.zeros(4)}), "differ in length"),
         (
@@ -243,7 +243,7 @@ def test_files_of_penicillin_pair_the_observation_before_with_action_and_reward_
     np.testing.assert_array_equal(short.actions, [[100 * row + column for column in range(9, 15)] for row in (1, 2)])
     np.testing.assert_array_equal(short.rewards, [115, 215])
     write_batch(tmp_path / "other.csv", [["a", *row[1:]] for row in rows[:3]])
-    with pytest.raises(DatasetError, match=r"other.csv, line 2: 'a' is no number"):
+    with pytest.raises(DatasetError, match=r"other.csv, line 2: 'a' is not a number"):
         from_pensim_csv(tmp_path / "other.csv")
     write_batch(tmp_path / "other.csv", rows[:3], ["Hour", *HEADER[1:]])
     with pytest.raises(DatasetError, match="no column time step"):

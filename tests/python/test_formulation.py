@@ -211,9 +211,9 @@ def test_a_curriculum_moves_the_parameters_of_episodes():
         ({"windows": {"T": (1, 0)}}, r"windows\['T'\] is \(1, 0\)"),
         (
             {"centre": "constant:1"},
-            r"centre is 'constant:1', which is none for Reactor: action has shape \(1,\), expected",
+            r"centre is 'constant:1', which does not fit Reactor: action has shape \(1,\), expected",
         ),
-        ({"centre": "constant:1,2,3"}, r"which is none for Reactor: action has shape \(3,\), expected \(2,\)"),
+        ({"centre": "constant:1,2,3"}, r"which does not fit Reactor: action has shape \(3,\), expected \(2,\)"),
         ({"centre": "constant:nan,0.1"}, "centre is 'constant:nan,0.1', expected finite actions"),
         ({"centre": "random"}, "centre is 'random', another action each time; there are: box, nominal"),
         ({"left": "T_c"}, "left is 'T_c', expected names of actions"),
@@ -435,7 +435,7 @@ def test_episodes_that_are_none_of_a_formulation_are_refused(tmp_path):
     with pytest.raises(ValueError, match="the episode has 3 observations, Beer has 8"):
         formulated(bare, Form(Formulation(), smpl.Env("beer")))
     wide = collect("reactor", "random", 1, tmp_path / "wide", states=True, max_steps=5)[0]
-    with pytest.raises(ValueError, match=r"has T_c = .*, which is none of its formulation's actions"):
+    with pytest.raises(ValueError, match=r"has T_c = .*, which is not one of its formulation's actions"):
         formulated(wide, form)
-    with pytest.raises(ValueError, match=r"has q_out = .*, which is none of its formulation's actions"):
+    with pytest.raises(ValueError, match=r"has q_out = .*, which is not one of its formulation's actions"):
         formulated(wide, Form(Formulation(left=("q_out",)), smpl.Env("reactor", max_steps=5)))

@@ -1,8 +1,8 @@
-"""One number of an episode by all of its actions, its start and parameters, see `smpl.Model.gradient`.
+"""Derivatives of a value of an episode by actions, start and parameters, see `Model.gradient`.
 
-Derivatives of each control step are exact (`Model.linearize_step`); their products with the derivative of the number by
-the state after the step are accumulated backwards in time: the memory is that of the steps' derivatives, the work that
-of the steps.
+Derivatives of each control step are exact (`Model.linearize_step`). Their products with the
+derivative of the value by the state after the step are accumulated backwards in time. The memory is
+that of the steps' derivatives, the work that of the steps.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SAME = 1e-4
 
 @dataclass(frozen=True)
 class EpisodeGradient:
-    """The value of an episode and its derivatives; with N episodes every array has a leading axis N.
+    """The value of an episode and its derivatives; N episodes add a leading axis N to all arrays.
 
     Attributes:
         value: the discounted sum of the reward, and of `final` times the last states.
@@ -108,7 +108,7 @@ def gradient(
 def _backward(
     steps: Sequence[StepDerivatives], at: int, end: FloatArray, discount: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """From the last step to the first: derivatives of the value by the start, by actions and parameters."""
+    """Derivatives of the value by start, actions and parameters, from the last step back."""
     count = len(steps[0].states)
     by_state = np.broadcast_to(end, (count, len(end)))
     by_action, by_parameter = [], np.zeros((count, len(steps[0].by["parameter"])))
@@ -174,8 +174,8 @@ def _check_chain(
             raise ValueError(
                 f"episode {episode}: {name} after {step} steps is {at_once[episode, step]:.6g}, but "
                 f"{chained[episode, step]:.6g} from step to step: the model remembers more than its states (discrete "
-                "variables, earlier or initial values), so its episode is no chain of steps; `linearize_step` has the "
-                "derivatives of each"
+                "variables, earlier or initial values), so its episode is not a chain of steps; `linearize_step` has "
+                "the derivatives of each"
             )
 
 

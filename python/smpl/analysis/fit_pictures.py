@@ -20,7 +20,7 @@ def fit_figure(
     units: Mapping[str, str],
     time: str,
 ) -> Any:
-    """Runs with what was measured, an output a row, and beside them the residuals over their deviation.
+    """Runs with their measurements, one row per output, and residuals over their deviation.
 
     Args:
         simulated: of each run, output -> values at its times.

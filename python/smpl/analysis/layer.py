@@ -1,4 +1,4 @@
-"""A control step as a function of arrays with its Jacobians: the host part of `smpl.torch` and `smpl.jax`."""
+"""A control step with its Jacobians as a function of arrays, for `smpl.torch` and `smpl.jax`."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Layer:
         return step(self.model, x, u, self._given(q), method=self.method, threads=self.threads, first_step=first_step)
 
     def linearized(self, points: Points, first_step: int, by: By) -> tuple[FloatArray, Jacobians]:
-        """Values, and their Jacobians by `x`, `u` and `q`, without columns where they are not wanted."""
+        """Values, and requested Jacobians by `x`, `u` and `q`; others have no columns."""
         x, u, q = points
         named = self._by_role() if by[2] else ([], [], [])
         found = linearize_step(
@@ -104,7 +104,7 @@ class Layer:
 
 
 class Transition(NamedTuple):
-    """Values after a step: states (..., states), all rewards (..., rewards), observations (..., observations)."""
+    """Values after a step: states (..., states), all rewards, observations."""
 
     states: Any
     rewards: Any
@@ -120,8 +120,8 @@ class Transition(NamedTuple):
 class Trajectory(NamedTuple):
     """Arrays of a rollout, time on the axis before the last.
 
-    States (..., H + 1, states), actions (..., H, actions), and after each step the chosen rewards (..., H, rewards)
-    and the observations (..., H, observations).
+    States (..., H + 1, states), actions (..., H, actions), and after each step the chosen rewards
+    (..., H, rewards) and the observations (..., H, observations).
     """
 
     states: Any
@@ -144,7 +144,8 @@ def arranged(
 
     Args:
         model: the compiled model.
-        p: mapping from names to numbers and arrays, an array with one column per name of `parameters`, or None.
+        p: mapping from names to numbers and arrays, an array with one column per name of
+            `parameters`, or None.
         parameters: those names; all parameters of the model if None.
         is_array: whether a value is an array of the caller's kind.
         outputs, method, threads: of the layer.
@@ -192,10 +193,11 @@ def chained_rewards(model: Model, rewards: Iterable[str] | None) -> list[int]:
 
 @lru_cache(maxsize=64)
 def _check_chain(model: Model, reward: str, rewarded: bool) -> None:
-    """Refuse a model whose episode is not a chain of steps of its states; tried on one short episode.
+    """Refuses a model whose episode is not a chain of steps, from one short episode.
 
     Raises:
-        ValueError: the episode and the chain differ; the message names the first state that does, or the reward.
+        ValueError: the episode and the chain differ; the message names the first state that does,
+            or the reward.
     """
     chosen = model if reward == model.reward else model.variant_of(reward=reward)
     env = Env(chosen, normalize=False)

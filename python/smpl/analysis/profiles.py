@@ -1,7 +1,7 @@
 """Profile likelihoods: what a parameter's value costs when all others are fitted again.
 
-A. Raue et al., Bioinformatics 25 (2009) 1923-1929; D. M. Bates, D. G. Watts, Nonlinear Regression Analysis and Its
-Applications (1988), section 6.1.
+A. Raue et al., Bioinformatics 25 (2009) 1923-1929; D. M. Bates, D. G. Watts, Nonlinear Regression
+Analysis and Its Applications (1988), section 6.1.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class Profile:
     Attributes:
         values: of the parameter, ascending.
         excess: sum of squares over that of the best fit, with the noise of the best fit.
-        interval: where the excess is below `level`; infinite on a side on which it stays below up to a bound of the
-            parameter, or as far as it was followed.
-        level: the 95 % quantile of the chi-squared distribution with one degree of freedom, 3.84, where the noise is
-            known, else that of the F distribution.
-        at_bounds: other fitted parameters that lie at a bound of theirs where the interval ends: the interval holds
-            within these bounds.
+        interval: where the excess is below `level`; infinite on a side without a crossing before a
+            bound of the parameter or the last point.
+        level: the 95 % quantile of the chi-squared distribution with one degree of freedom, 3.84,
+            where the noise is known, else that of the F distribution.
+        at_bounds: other fitted parameters that lie at a bound of theirs where the interval ends:
+            the interval holds within these bounds.
     """
 
     values: FloatArray
@@ -57,13 +57,13 @@ def profile(
 ) -> Profile:
     """Profile likelihood of one of the fitted parameters.
 
-    Without `values` the profile is followed from the best fit to both sides until it crosses its level, or until a
-    bound of the parameter. Each value is fitted from where the one before ended.
+    Without `values` the profile is followed from the best fit to both sides until it crosses its
+    level, or until a bound of the parameter. Each value is fitted from where the one before ended.
 
     Args:
         model, runs, parameters: as for `smpl.fit`.
         name: the parameter.
-        values: at which the others are fitted, in place of those.
+        values: of the parameter, at which the others are fitted, instead of computed ones.
         options: further arguments of `smpl.fit`.
 
     Raises:
@@ -155,7 +155,7 @@ class _Search:
                 return
 
     def _at(self, value: float, others: dict[str, float]) -> tuple[float, dict[str, float]]:
-        """Excess at a value, and the others there, from its neighbour; above the level from the best fit too."""
+        """Excess at a value and the other parameters, from its neighbour or from the best fit."""
         best: tuple[float, dict[str, float], tuple[str, ...]] | None = None
         for start in (others, self._others):
             if best is not None and (best[0] <= self.level or start == others):
@@ -188,7 +188,7 @@ class _Search:
         return {name: value if name == self._name else others[name] for name in self._best.parameters}
 
     def profile(self, with_best: bool) -> Profile:
-        """What was found, the best fit itself left out unless it was asked for."""
+        """The profile, without the best fit unless it was requested."""
         points = np.array(sorted(one for one in self._found if with_best or one != self._centre))
         excess = np.array([self._found[float(point)][0] for point in points])
         low, high = _crossings(points, excess, self._centre, self.level)
@@ -207,7 +207,7 @@ def _level(best: Fit) -> float:
 
 
 def _crossings(values: FloatArray, excess: FloatArray, centre: float, level: float) -> tuple[float, float]:
-    """Where the excess first passes its level on either side, between two values by a straight line in its root."""
+    """The first crossings of the level on both sides, interpolated linearly in the root."""
     height, root = np.sqrt(level), np.sqrt(np.maximum(excess, 0.0))
 
     def crossing(x: FloatArray, y: FloatArray) -> float:

@@ -1,7 +1,7 @@
 """Recorded runs simulated again, with derivatives by what is fitted; see `smpl.fit`.
 
-Forward sensitivities are chained: with S the derivative of the state at a sampling instant, that at the next one is
-(dx/dx) S + dx/dp of the step between, both exact (`smpl.Model.linearize_step`).
+Forward sensitivities are chained. With S the derivative of the state at a sampling instant, the
+next one is (dx/dx) S + dx/dp of the step between, both exact (`smpl.Model.linearize_step`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LARGE = 400
 
 
 class _Steps(NamedTuple):
-    """States after each step (H, states), derivatives of these and of the readings by states, then parameters."""
+    """States after each step (H, states), and derivatives by states, then parameters."""
 
     states: FloatArray
     of_states: FloatArray
@@ -37,7 +37,7 @@ class _Steps(NamedTuple):
 
 
 class Recorded:
-    """Runs of a model that are simulated again, at points: parameters, then the unknown starts of each run.
+    """Simulations of runs at points: parameters, then the unknown starts of each run.
 
     Args:
         model: the model.
@@ -80,7 +80,7 @@ class Recorded:
         return [*range(count), *range(count + place * width, count + (place + 1) * width)]
 
     def values(self, place: int, points: FloatArray) -> FloatArray:
-        """Outputs (N, H + 1 + instants, outputs) of a run at all points (N, d), in one call of rollouts."""
+        """Outputs (N, H + 1 + instants, outputs) of a run at all points (N, d)."""
         found = self._rollout(place, points, None)
         if len(points) == 1:
             self._latest[place] = (points[0].tobytes(), found)
@@ -116,7 +116,7 @@ class Recorded:
         )
 
     def differences(self, place: int, points: FloatArray, steps: int | None = None) -> FloatArray:
-        """Derivatives (H + 1 + instants, outputs, d) from the points of `beside`, by what they are apart."""
+        """Derivatives (H + 1 + instants, outputs, d) by differences of the points of `beside`."""
         size = (len(points) - 1) // 2
         found = self._chosen(self._rollout(place, points, steps))
         distance = (points[1 : size + 1] - points[size + 1 :]).diagonal()
@@ -131,8 +131,8 @@ class Recorded:
             points: gives those of `beside`, for the readings at the start, which no step leads to.
 
         Raises:
-            SimulationError: a step cannot be differentiated, or a step from the states of the run is not that of the
-                run, which has a memory besides them.
+            SimulationError: a step cannot be differentiated, or a step from the states of the run
+                is not that of the run, which has a memory besides them.
         """
         run, own = self.runs[place], self._own(place)
         if run.instants:
@@ -197,7 +197,7 @@ class Recorded:
         return _Steps(*(np.concatenate([one[i] for one in parts]) for i in (0, 3, 5)))
 
     def _chain(self, taken: _Steps, rows: int) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of states (H + 1, states, own) and of what is measured (H + 1, observations, own)."""
+        """Derivatives of states (H + 1, states, own) and readings (H + 1, observations, own)."""
         steps, count = taken.states.shape
         width = len(self.parameters) + len(self.initial)
         of_states = np.zeros((rows, count, width))
@@ -215,7 +215,7 @@ class Recorded:
         return of_states, of_readings
 
     def _read(self, sensor: int, of_readings: FloatArray, read: FloatArray) -> FloatArray:
-        """Derivatives (H + 1, d) of what a sensor shows: what was measured its delay ago, nothing at an edge."""
+        """Derivatives (H + 1, d) of a sensor's delayed reading."""
         delay = int(self._sensors.delay[sensor])
         shown = of_readings[:, sensor]
         if delay:
@@ -230,6 +230,6 @@ def _singles(values: Mapping[str, float]) -> list[tuple[str, FloatArray]]:
 
 
 def beside(z: FloatArray, scale: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """A point, and two beside it in each direction, (1 + 2 d, d), inside of the bounds."""
+    """A point and two neighbours in each direction, (1 + 2 d, d), within the bounds."""
     distance = np.diag(np.full(len(z), DISTANCE))
     return np.clip(np.vstack([z, z + distance, z - distance]) * scale, low, high)

@@ -24,14 +24,15 @@ Named = list[tuple[str, FloatArray]]
 class Rollout:
     """N trajectories of at most H steps, physical units.
 
-    A trajectory that has ended keeps its last states, observations and outputs; its rewards, costs and violations are
-    0 from there on. One whose equations have no consistent start has NaN in place of states, no steps, and a failure
-    that begins with `start`.
+    A trajectory that has ended keeps its last states, observations and outputs; its rewards, costs
+    and violations are 0 from there on. A trajectory without a consistent start has NaN instead of
+    states, no steps, and a failure that begins with `start`.
 
     Attributes:
         states: shape (N, H + 1, states); index 0 is the start.
         observations: (N, H + 1, observations), clipped to their boxes as an environment's are.
-        outputs: algebraic outputs in the order of `Model.algebraic_names`, (N, H + 1, outputs); none unless asked for.
+        outputs: algebraic outputs in the order of `Model.algebraic_names`, (N, H + 1, outputs);
+            none unless asked for.
         rewards: the model's chosen reward, (N, H).
         cost: sum of the violations, (N, H).
         violations: (N, H, constraints), in the order of `constraint_names`.
@@ -39,15 +40,17 @@ class Rollout:
         terminated: ended by a failure or a success, (N,).
         truncated: ended by the time limit, (N,).
         failure: N messages, empty where nothing failed.
-        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"` (the integration failed
-            and the step was undone), `"events"` (events without end), `"event"` (a declared failure that an event
-            found within the step), `"not_finite"`, `"action_box"`, `"box"` and `"condition"` (declared, after
-            a whole step). If there are several, the first of this order.
-        failure_name: N names of the declared failures of the kinds `"event"`, `"box"`, `"condition"`; otherwise empty.
+        failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"`
+            (the integration failed), `"events"` (events without end), `"event"` (a declared failure
+            within a step), `"not_finite"`, `"action_box"`, `"box"`, `"condition"` (after a step).
+            If there are several, the first of this order.
+        failure_name: N names of the declared failures of the kinds `"event"`, `"box"`,
+            `"condition"`; otherwise empty.
         constraint_names: names of the limits.
-        instant_states: states at the instants within steps that were asked for, (N, instants, states); NaN where a
-            trajectory does not get there.
-        measured: measurements there, (N, instants, observations), without noise, sampling, delay or clipping.
+        instant_states: states at the instants within steps that were asked for, (N, instants,
+            states); NaN where a trajectory does not get there.
+        measured: measurements there, (N, instants, observations), without noise, sampling, delay or
+            clipping.
     """
 
     states: FloatArray
@@ -94,8 +97,8 @@ def rollout(
 ) -> Rollout:
     """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`.
 
-    `instants` are places within steps at which states and measurements are returned too: the step, from 0, and the
-    share of it, from 0 to 1.
+    `instants` are places within steps at which states and measurements are returned too: the step,
+    from 0, and the share of it, from 0 to 1.
     """
     given = _seed(seed)
     chosen = _rows("actions", actions, len(model.action_names), 2)
@@ -161,13 +164,13 @@ def check_first_step(first_step: int, steps: int) -> int:
     """The number of completed steps, with so many behind it.
 
     Raises:
-        ValueError: it is no number of steps, or too large to go on counting.
+        ValueError: it is not a number of steps, or too large.
     """
     return as_count("first_step", first_step, 0, "a number of completed steps, 0 or more", COUNTS - steps)
 
 
 def _rows(name: str, values: Any, width: int, single: int) -> FloatArray:
-    """An array whose last axis has `width` entries, of `single` axes for all trajectories or one more for each."""
+    """An array with `width` entries on its last axis and `single` axes, or one more axis."""
     shape = ("N, H, " if single == 2 else "N, ") + str(width)
     one = f"H, {width}" if single == 2 else f"{width},"
     array = as_numbers(name, values, f"({shape}) or ({one})")
@@ -189,7 +192,7 @@ def _known(argument: str, given: Mapping[str, npt.ArrayLike], names: tuple[str, 
 
 
 def _flattened(model: Model, given: Mapping[str, npt.ArrayLike], count: int) -> dict[str, npt.ArrayLike]:
-    """Parameters by flattened names: an array has one value, one for each element, or a row for each trajectory."""
+    """Parameters by flattened names, for all trajectories or with a row for each."""
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters must be a mapping from names to values, got {type(given).__name__}")
     values: dict[str, npt.ArrayLike] = {}

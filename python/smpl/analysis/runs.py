@@ -22,7 +22,7 @@ class Run:
         disturbances: sequences by name, (H,).
         parameters: known values.
         assumed: states of which the record has no start.
-        instants: samples at times of their own: the step, from 0, and the share of it.
+        instants: of samples within steps: the step, from 0, and the share of it.
         samples: outputs by name at these instants, NaN where nothing was read.
     """
 

@@ -1,4 +1,4 @@
-"""Control steps and their derivatives, see `smpl.Model.step`, `sensitivity` and `linearize_step`."""
+"""Control steps and their derivatives, see `Model.step`, `sensitivity` and `linearize_step`."""
 
 from __future__ import annotations
 
@@ -36,17 +36,19 @@ _CUT = ("start", "solver", "events", "event", "not_finite")
 class StepDerivatives:
     """A control step with its exact derivatives; with N points every array has a leading axis N.
 
-    Derivatives are named `d<of>_d<by>`, of states after the step (`dx`), rewards (`dr`) and observations (`dy`) by
-    states (`dx`), actions (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`): `dr_du` has
-    shape (rewards, actions).
+    Derivatives are named `d<of>_d<by>`: `dr_du` has shape (rewards, actions). They are those of
+    states after the step (`dx`), rewards (`dr`) and observations (`dy`) by states (`dx`), actions
+    (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`).
 
     Attributes:
         states: states after the step, (states,).
-        rewards: all rewards in the order of `Model.reward_names`; the error reward where the step fails.
-        observations: what is measured after the step, (observations,): without noise, delay, sampling or clipping.
+        rewards: all rewards in the order of `Model.reward_names`; the error reward where the step
+            fails.
+        observations: what is measured after the step, (observations,): without noise, delay,
+            sampling or clipping.
         by: names of what derivatives are taken by, for each role.
-        derivatives: of states, rewards and observations, each with a column for every name in `by`, roles one after
-            the other.
+        derivatives: of states, rewards and observations, each with a column for every name in `by`,
+            roles one after the other.
     """
 
     states: FloatArray

@@ -19,8 +19,8 @@ IntArray = npt.NDArray[np.int64]
 class Sensors:
     """Sensors of an observation level, in the order of `observation_names`.
 
-    A sample is taken at every step that is a multiple of `every` and read `delay` steps later; the reading is held in
-    between. At the start all are read at once.
+    A sample is taken at every step that is a multiple of `every` and read `delay` steps later; the
+    reading is held in between. At the start all are read at once.
 
     Attributes:
         noise: standard deviations, physical units; 0 for an exact reading.
@@ -34,7 +34,7 @@ class Sensors:
     unused: frozenset[int] = frozenset()
 
     def arriving(self, step: int) -> dict[int, list[int]]:
-        """Samples that are read for the first time at a step: step at which they were taken -> sensors."""
+        """Samples first read at a step: step at which they were taken -> sensors."""
         if step == 0:
             return {0: [sensor for sensor in range(len(self.noise)) if sensor not in self.unused]}
         found: dict[int, list[int]] = {}

@@ -31,13 +31,14 @@ class Step(float):
     ) -> npt.NDArray[np.float64]:
         """States after a control step from the states `x` with the actions `u`.
 
-        It is a step of an environment that was reset to `x`. Random numbers are at their means. Conditions that would
-        end an episode are not looked at.
+        It is a step of an environment that was reset to `x`. Random numbers are at their means.
+        Conditions that would end an episode are not looked at.
 
         Args:
             x: states, (states,), or (N, states) for N points on all cores.
             u: actions, (actions,) or (N, actions).
-            p: values of parameters, discrete variables and disturbances by name, one for all points or (N,).
+            p: values of parameters, discrete variables and disturbances by name, one for all points
+                or (N,).
             method: what takes the steps; the model's or scenario's if none.
             threads: all processors if none.
             first_step: steps that count as completed before: the clock begins there.

@@ -16,7 +16,7 @@ from smpl.model import compile
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command and return its exit status: 1 where a file or an argument is at fault."""
+    """Runs the command and returns its exit status: 1 for an invalid file or argument."""
     parser = argparse.ArgumentParser(prog="smpl fit", description="fit parameters of a model to recorded runs")
     parser.add_argument("model", help="model, or the name of a shipped one")
     parser.add_argument(

@@ -48,10 +48,10 @@ def baseline(env_name: str, name: str, **options: Any) -> Any:
 
     Args:
         env_name: `reactor`, `Reactor` or `smpl/Reactor-v0`.
-        name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim); `mpc`, `zero`
-            (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant); and `full_information` for each, which
-            knows the state and the parameters of the episode. Plants of the gallery have `pid`,
-            batches `recipe`.
+        name: `pid`, `mpc` (reactor); `profile`, `isothermal` (beer); `recipe`, `gpei` (PenSim);
+            `mpc`, `zero` (atropine); `nominal`, `mpc`, `empc` (MAb); `nominal` (its plant). Each
+            also has `full_information`, which knows the state and the parameters of the episode.
+            Plants of the gallery have `pid`, batches `recipe`.
         options: further arguments of the controller, such as `temperature` of `isothermal`.
 
     Raises:

@@ -11,7 +11,7 @@ from smpl.support.arguments import FloatArray
 
 
 class Profile(TakesWrapped, needs_reset=False):
-    """Industrial temperature profile: warm up, hold, warm up again, cool for settling. Tuned to 130 g/L of sugar."""
+    """Industrial temperature profile for 130 g/L of sugar: warm up, hold, warm up again, cool."""
 
     def reset(self, env: Env) -> None:
         """Nothing to forget: the profile is a function of the step.

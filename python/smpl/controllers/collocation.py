@@ -1,7 +1,7 @@
 """Direct collocation: an optimal control problem over a horizon as a sparse nonlinear programme.
 
 L. T. Biegler, Nonlinear Programming (2010), chapter 10. States on an element are the polynomial
-through its start and its nodes, the last of which is its end; the equations hold at the nodes;
+through its start and its nodes, the last of which is its end. The equations hold at the nodes, and
 actions are constant over an interval. Variables and constraints are ordered stage by stage, states
 first, as fatrop's recursion takes them (L. Vanroye et al., IROS 2023).
 """
@@ -55,10 +55,11 @@ def _lagrange(points: FloatArray) -> list[Any]:
 
 @dataclass(frozen=True)
 class Limit:
-    """A quantity that stays between bounds at the end of each interval, and at its inner nodes if it has a value there.
+    """Bounded quantity, at the end of each interval and at inner nodes where it has a value.
 
     Attributes:
-        weight: of a broken bound, over the size of the quantity, in the objective; infinite for one that must hold.
+        weight: of a broken bound, over the size of the quantity, in the objective; infinite for one
+            that must hold.
     """
 
     name: str
@@ -83,14 +84,16 @@ class Task:
         actions: names of those that are chosen.
         stage, last: cost of an interval, and of the last one.
         integrate: costs are means over the interval instead of the value at its end.
-        given: keys of what the expressions are given; `varying` those of which each interval has its own. With
-            `within:episode`, 0 behind the end of the episode and 1 before, nothing happens there, nor counts.
+        given: keys of what the expressions are given; `varying` those of which each interval has
+            its own. With `within:episode`, 0 behind the end of the episode and 1 before, nothing
+            happens there, nor counts.
         free: whether the actions of an interval are chosen anew; otherwise they stay.
         rates: largest change of each action between two intervals, infinite if any.
         convex: the cost is a sum of weighted squares.
         path: limits hold at inner nodes too.
         factor: scale of the cost.
-        rows: sizes of the residuals behind the explicit rates, by which they are divided; 1 if None.
+        rows: sizes of the residuals behind the explicit rates, by which they are divided; 1 if
+            None.
         offset: rates have a constant term for each state, key `offset:NAME`.
     """
 
@@ -125,9 +128,10 @@ class Programme:
     Attributes:
         functions: `x`, `p`, `f`, `g` of CasADi.
         lower, upper, g_lower, g_upper: bounds.
-        states, actions, inner, slack: places of scaled variables by interval; `actions` of a held interval are those of
-            the last free one.
-        softened: (place in g, place in x) of rows that a slack keeps from being negative, and of the slack.
+        states, actions, inner, slack: places of scaled variables by interval; `actions` of a held
+            interval are those of the last free one.
+        softened: (place in g, place in x) of rows that a slack keeps from being negative, and of
+            the slack.
         structure: the arguments for fatrop.
     """
 
@@ -167,7 +171,7 @@ class Transcription:
         self._equations = self.point_function("equations", self.e.equations)
 
     def point_function(self, name: str, value: Any) -> Any:
-        """Function of a point: (x, z, chosen actions, x at the start, actions before, integrals, rates, time, q)."""
+        """Function of (x, z, chosen actions, initial x, last actions, integrals, rates, t, q)."""
         e = self.e
         chosen, before = e.u[self.at], e.before[self.at]
         arguments = [e.x, e.z, chosen, e.start, before, e.integral, e.dx, e.time, e.symbols(self.task.given)]
@@ -251,7 +255,7 @@ class Transcription:
         return ca.Function("stage", inputs, outputs), owners
 
     def _rows(self, limit: Limit, one: dict[str, Any], at: Any, first: bool) -> list[Any]:
-        """Expressions that are nonnegative where a limit holds: at the end of the interval and its inner nodes."""
+        """Expressions that are nonnegative if limits hold, at the end and at inner nodes."""
         ca, e = self._ca, self.e
         function = self.point_function("limit", limit.expression)
         *inner, end = [at(function, place) / limit.size for place in one["places"]]
@@ -278,7 +282,7 @@ class Transcription:
         return sum(b * function(x, z, *begin, t, one["q"]) for b, (x, z, t) in zip(weights, one["places"], strict=True))
 
     def step_function(self) -> Any:
-        """(x, u, q, t) -> x at the end of an interval, and its inner variables, by Newton's method on the equations.
+        """(x, u, q, t) -> x at the end of an interval and its inner variables, by Newton's method.
 
         States and actions have physical units, inner variables are scaled.
         """
@@ -302,7 +306,7 @@ class Transcription:
         return ca.Function("step", [x, u, q, t], [end, w])
 
     def given_of(self, constant: FloatArray, varying: FloatArray, k: int) -> FloatArray:
-        """Numbers of q in an interval: of what all intervals have in common, and of what each has its own."""
+        """Numbers of q in an interval: those of all intervals, then those of this one."""
         values = np.concatenate([constant, varying.reshape(self.task.horizon, -1)[k]])
         return np.asarray(values[self.order])
 

@@ -21,19 +21,20 @@ KINDS = ("mpc", "empc")
 
 
 class CultureMPC(TakesWrapped):
-    """`mpc` and `empc` of the paper: predictive control of the 17 states of the culture by its seven actions.
+    """`mpc` and `empc` of the paper: predictive control of the culture by seven actions.
 
-    The tracking controller minimises the integral of the squared scaled deviations of states and actions from the
-    steady state, the economic one maximises the antibody that is made (the reward `productivity`). Declared bounds hold
-    where they can: a start outside of them is brought back. The outflow of the buffer tank and the switch are those of
-    the policy `nominal`. The problem is built at the first reset.
+    The tracking controller minimises the integral of squared scaled deviations of states and
+    actions from the steady state. The economic one maximises the antibody produced (the reward
+    `productivity`). Declared bounds hold where they can: a start outside of them is brought back.
+    The outflow of the buffer tank and the switch are those of the policy `nominal`. The problem is
+    built at the first reset.
 
     Args:
         kind: `mpc` or `empc`.
         horizon: intervals of an hour; the paper's 100.
-        tank: predict the level of the buffer tank too, with the outflow that the rule has at the nominal level. The
-            published economic controller does not, and lets the tank run empty or over within hours: by default it is
-            predicted for `empc` alone.
+        tank: predict the level of the buffer tank too, with the outflow that the rule has at the
+            nominal level. The published economic controller does not, and lets the tank run empty
+            or over within hours: by default it is predicted for `empc` alone.
         options: further arguments of `NMPC`.
 
     Attributes:
@@ -85,7 +86,7 @@ class CultureMPC(TakesWrapped):
         return self.controller.action(env)
 
     def _bounds(self, env: Env) -> dict[str, tuple[float, float]]:
-        """The published bounds, a ten-thousandth of their values inside, also of a plant that has wider ones."""
+        """The published bounds, tightened by 1e-4 of their values."""
         low, high = env.model.native.bounds("state")
         wider = env.parameters.get("headroom", 1.0)
         at = {name: env.state_names.index(name) for name in self._options["part"]}

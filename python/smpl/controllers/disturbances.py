@@ -1,4 +1,4 @@
-"""Declared disturbances as estimators see them: how they go on by their rules, and by how much they scatter."""
+"""Declared disturbances for estimators: their evolution by their rules, and their variance."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ Named = Mapping[str, Any]
 class Disturbances:
     """Disturbances of a model that an estimator carries along with the states.
 
-    Behind them come the numbers drawn at a reset (`random`) that their rules or the readings depend on, as numbers of
-    their standard distributions, uniform from 0 to 1 or normal: they stay as they are.
+    After them follow the constant numbers drawn at a reset (`random`) that the rules or readings
+    depend on. They are numbers of standard distributions: uniform from 0 to 1, or normal.
 
     Args:
         model: the model.
-        names: disturbances to estimate; if none, all that are random or that go on from their own values.
+        names: disturbances to estimate; if none, all that are random or that go on from their own
+            values.
         fixed: values of parameters.
 
     Attributes:
@@ -79,7 +80,7 @@ class Disturbances:
         ]
 
     def _find(self, given: tuple[str, ...] | None) -> FloatArray:
-        """Find which disturbances are random or have a memory, along samples of their rules at the nominal start.
+        """Finds disturbances that are random or have a memory, from samples at the nominal start.
 
         Returns:
             Their magnitudes.
@@ -120,7 +121,7 @@ class Disturbances:
         return found
 
     def parameters(self) -> dict[str, float]:
-        """Parameters drawn at a reset by which the rules go on differently: names and standard deviations."""
+        """Parameters drawn at a reset that affect the rules: names and standard deviations."""
         if not self.moving:
             return {}
         model = self._model
@@ -150,7 +151,7 @@ class Disturbances:
         return np.concatenate([self._defaults[self._places], middle[self._drawn_places]])
 
     def spread_at_start(self, begins: bool) -> FloatArray:
-        """Standard deviations of these; an episode that begins has the declared values of its disturbances."""
+        """Standard deviations at the start, where disturbances have their declared values."""
         moving = np.zeros(self.moving) if begins else self.size[: self.moving]
         return np.concatenate([moving, self.deviation])
 
@@ -188,8 +189,8 @@ class Disturbances:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Covariance that the random numbers of a step give the disturbances, and nodes for `next`.
 
-        A rule that is linear in its random numbers has the covariance of its derivatives, and needs no nodes. Of
-        another one mean and covariance are those of a Latin hypercube of samples.
+        A rule that is linear in its random numbers has the covariance of its derivatives, and needs
+        no nodes. Of another one mean and covariance are those of a Latin hypercube of samples.
         """
         count, chosen = len(self.names), np.flatnonzero(self._at_steps)
         size = len(chosen)
@@ -247,7 +248,7 @@ class Disturbances:
         return np.where(self._normal, quantile(shares), shares) if shares.size else shares
 
     def _hypercube(self) -> FloatArray:
-        """Samples of the random numbers of a step, with their exact variances where these are normal."""
+        """Samples of the random numbers of a step, with exact variances if they are normal."""
         generator, size = np.random.default_rng(0), len(self._normal)
         columns = [generator.permutation(_NODES) for _ in range(size)]
         shares = (np.stack(columns, axis=1) + 0.5) / _NODES if size else np.zeros((_NODES, 0))

@@ -1,9 +1,9 @@
-"""State estimation from an observation level: what filters and estimators over a window have in common.
+"""State estimation from an observation level: the common part of filters and window estimators.
 
 The prediction is the model's own step (`Model.rollout`), so that phases, events, sums over a step
-and clamps are those of the plant; its derivatives are exact (`Model.linearize_step`), and
-differences of rollouts where a step has none. The derivatives of readings, which no integration
-blurs, are central differences.
+and clamps are those of the plant. Its derivatives are exact (`Model.linearize_step`), or
+differences of rollouts if a step has none. The derivatives of readings, which no integration blurs,
+are central differences.
 """
 
 from __future__ import annotations
@@ -44,18 +44,19 @@ class Estimator(Protocol):
 
 
 class Prediction:
-    """A model as a filter sees it: x = (states, estimated parameters, estimated disturbances), a step, the readings.
+    """Model of a filter: x = (states, estimated parameters and disturbances), a step, readings.
 
     Args:
         model: the model that predicts.
-        parameters: names of parameters that are estimated with the states, and the standard deviations of their drift
-            in a step.
-        process_noise: standard deviation of what a step adds to each state, by name; of those that are left out a
-            thousandth of their size.
+        parameters: names of parameters that are estimated with the states, and the standard
+            deviations of their drift in a step.
+        process_noise: standard deviation of what a step adds to each state, by name; of those that
+            are left out a thousandth of their size.
         noise: of the readings, by name, instead of those of the level.
         fixed: values of parameters of the model.
-        disturbances: names of declared disturbances that are estimated; if none, all that are random or go on from
-            their own values. Parameters and numbers that are drawn at a reset and move these are estimated too.
+        disturbances: names of declared disturbances that are estimated; if none, all that are
+            random or go on from their own values. Parameters and numbers that are drawn at a reset
+            and move these are estimated too.
     """
 
     def __init__(
@@ -101,13 +102,14 @@ class Prediction:
 
     @property
     def derivatives(self) -> str:
-        """`exact`, or in how many steps of the episode derivatives were differences, and why at last."""
+        """`exact`, or the number of steps of the episode with differences and the last reason."""
         return f"differences in {self._by_differences} steps: {self._why}" if self._by_differences else "exact"
 
     def check_readings(self) -> None:
-        """Leave out readings that a state alone does not tell, as these are predicted from states; warns by name.
+        """Leaves out readings that do not follow from the state alone; warns by name.
 
-        Looked at numerically: readings at the end of a step against those at the state where it ended.
+        Looked at numerically: readings at the end of a step against those at the state where it
+        ended.
 
         Raises:
             ValueError: no reading is left.
@@ -196,7 +198,7 @@ class Prediction:
     def transition(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The point (x,) a step later, its derivative (x, x), and the covariance (x, x) of what the step adds."""
+        """The point (x,) a step later, its derivative (x, x), and its covariance (x, x)."""
         scatter, nodes = self._spread(x, action, at, discrete)
         disturbed = self._next(x[None], action, at, discrete, nodes)
         later = self._stepped(x[None], action, at, discrete, disturbed)[0]
@@ -254,7 +256,7 @@ class Prediction:
     def _exact(
         self, x: FloatArray, action: FloatArray, at: int, discrete: Mapping[str, float], disturbed: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Forward sensitivities of the states after a step, by x and by the disturbances during it."""
+        """Sensitivities of the states after a step to x and to the disturbances during it."""
         values = dict(zip(self.parameters, x[self.states : self._tail].tolist(), strict=True))
         names = self.disturbances.names[: self.disturbances.moving]
         given = {**self.fixed, **discrete, **values, **dict(zip(names, disturbed.tolist(), strict=False))}
@@ -292,7 +294,7 @@ class Prediction:
         return found[0], _slopes(found[1:], width)
 
     def _beside(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points next to x, (2 x, x), two in each direction within the bounds, and how far these are apart."""
+        """Points next to x, (2 x, x), two per direction within the bounds, and their distances."""
         distance = 1e-4 * np.maximum(self.scale, np.abs(x))
         below, above = np.maximum(x - distance, self.low), np.minimum(x + distance, self.high)
         return np.vstack([x + np.diag(below - x), x + np.diag(above - x)]), above - below
@@ -302,7 +304,8 @@ class Prediction:
 
         Args:
             env: the environment of the episode.
-            initial: states by name or as an array; the others, and all if None, at the nominal start of the model.
+            initial: states by name or as an array; the others, and all if None, at the nominal
+                start of the model.
             deviation: standard deviations by name; a tenth of the size for those that are left out.
         """
         nominal = Env(self.model, normalize=False)
@@ -329,7 +332,8 @@ class Prediction:
             least: `positive`, or `not negative`: what deviations may be.
 
         Raises:
-            ValueError: unknown names, values that are not finite, or deviations that are not what they may be.
+            ValueError: unknown names, values that are not finite, or deviations that are not what
+                they may be.
         """
         if isinstance(initial, Mapping):
             self._put(np.zeros(len(self.names)), "initial", initial)
@@ -422,5 +426,5 @@ def as_deviation(name: str, value: Any, least: str = "not negative") -> float:
 
 
 def discrete_of(env: Env) -> dict[str, float]:
-    """Discrete variables of the environment: what the controller of a plant itself keeps is known."""
+    """Discrete variables of the environment: the state of the plant's own controllers is known."""
     return dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))

@@ -1,8 +1,8 @@
-"""Controllers with full information: they know the state, the parameters of the episode and the model of the plant.
+"""Controllers that know the state, the parameters of the episode and the model of the plant.
 
 They are references, not upper bounds: their horizon is finite and their search is local, so that a
 learned policy can have a higher return. Smooth and small models are optimised by collocation, the
-others by sampling around the actions of the nominal policy, which are among the samples: within its
+others by sampling around the actions of the nominal policy. These are among the samples: within its
 horizon such a controller is not worse than the nominal policy. That of the antibody plant samples
 the settings of a batch and the time at which the columns swap.
 """
@@ -51,7 +51,7 @@ class Deferred(TakesWrapped):
 
 
 def followed(env: Env, horizon: int) -> FloatArray:
-    """Actions of the nominal policy from here, (H, actions): a copy of the environment follows it."""
+    """Actions of the nominal policy from here, (H, actions), in a copy of the environment."""
     ahead, policy = deepcopy(env), Nominal()
     actions = np.empty((horizon, len(env.action_names)))
     ended = False

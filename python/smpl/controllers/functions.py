@@ -17,12 +17,16 @@ class Function(TakesWrapped):
     """A function of what it is shown, as a controller in physical units.
 
     Args:
-        function: called with one array, and with a `numpy.random.Generator` if `random`; returns an action.
-        sees: `state` (differential states, physical units) or the name of an observation level of the model, whose
-            readings it is given in physical units; the environment must have that level.
-        random: the function takes a generator too, whose numbers come from the seed and number of the episode.
+        function: called with one array, and with a `numpy.random.Generator` if `random`; returns an
+            action.
+        sees: `state` (differential states, physical units) or the name of an observation level of
+            the model, whose readings it is given in physical units; the environment must have that
+            level.
+        random: the function takes a generator too, whose numbers come from the seed and number of
+            the episode.
 
-    A function without this wrapper is given what the environment returns and returns an action of its action space.
+    A function without this wrapper is given what the environment returns and returns an action of
+    its action space.
     """
 
     def __init__(self, function: Callable[..., npt.ArrayLike], sees: str = "state", *, random: bool = False) -> None:
@@ -50,7 +54,8 @@ class Noisy(TakesWrapped):
 
     Args:
         controller: one in physical units.
-        deviation: standard deviations by names of actions, physical units; the others have no noise.
+        deviation: standard deviations by names of actions, physical units; the others have no
+            noise.
         seed: distinguishes controllers in the same episode.
     """
 

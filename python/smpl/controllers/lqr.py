@@ -37,7 +37,7 @@ def sampled(A: FloatArray, B: FloatArray, interval: float) -> tuple[FloatArray, 
 def sampled_cost(
     A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray, N: FloatArray, interval: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights Q, R and N of the sampled system: the sum over instants is the integral of x'Qx + u'Ru + 2 x'Nu."""
+    """Weights Q, R and N of the sampled system: the sum is the integral of x'Qx + u'Ru + 2 x'Nu."""
     linalg = _linalg()
     n, m = B.shape
     whole = np.block([[A, B], [np.zeros((m, n + m))]])
@@ -50,21 +50,23 @@ def sampled_cost(
 
 
 class LQR(TakesWrapped):
-    """Linear-quadratic regulator with state feedback, u = u_s - K (x - x_s) - K_i z, within the action box.
+    """Linear-quadratic regulator, u = u_s - K (x - x_s) - K_i z, within the action box.
 
-    z are the sums over steps of the errors of the outputs named by `integral`: they hold these at their set-points
-    against constant disturbances and wrong parameters. An error is not summed up while it would drive a saturated
-    action further out.
+    z are the sums over steps of the errors of the outputs named by `integral`: they hold these at
+    their set-points against constant disturbances and wrong parameters. An error is not summed up
+    while it would drive a saturated action further out.
 
     Args:
         model: a model, or an environment of which the model is taken.
-        state_weight: by names of states, x'Qx; without any weight 1/x_s^2 (1/range^2 where x_s is 0).
+        state_weight: by names of states, x'Qx; without any weight 1/x_s^2 (1/range^2 where x_s is
+            0).
         action_weight: by names of actions, u'Ru; without any 1/range^2.
-        output_weight: by names of observations, y'Wy with y = Cx + Du: what an action does to them at once counts too.
-        integral: names of observations, or a mapping from them to the weight of their summed errors, by default that of
-            the output in Q, a hundredth of it a step.
-        discrete: the regulator of the system as it is sampled (`scipy.linalg.solve_discrete_are`); otherwise that of
-            continuous time, whose gain a sampled controller only approximates.
+        output_weight: by names of observations, y'Wy with y = Cx + Du: what an action does to them
+            at once counts too.
+        integral: names of observations, or a mapping from them to the weight of their summed
+            errors, by default that of the output in Q, a hundredth of it a step.
+        discrete: the regulator of the system as it is sampled (`scipy.linalg.solve_discrete_are`);
+            otherwise that of continuous time, whose gain a sampled controller only approximates.
         cost: `sum` over instants, or `integral` over time, sampled exactly.
         at: (y, u) where the model is linearised and is to be held; its steady state if none.
         p: parameters and the like.
@@ -76,7 +78,8 @@ class LQR(TakesWrapped):
         eigenvalues: of the closed loop.
 
     Raises:
-        ValueError: a name or weight that does not fit, or what cannot be stabilised, with the states concerned.
+        ValueError: a name or weight that does not fit, or what cannot be stabilised, with the
+            states concerned.
         ImportError: SciPy is missing.
     """
 
@@ -214,7 +217,7 @@ class LQR(TakesWrapped):
 
 
 class LQG(TakesWrapped):
-    """State feedback of an estimate: linear-quadratic control, or any controller with `control(state)`.
+    """Feedback of an estimate by linear-quadratic control or a controller with `control(state)`.
 
     Args:
         regulator: `LQR`.

@@ -96,8 +96,8 @@ def operating_point(
 
     Args:
         model: the model.
-        at: (y, u), y the unknowns or the states of a model without algebraic unknowns; None for its steady state at the
-            action of its `steady` block, else at the declared actions.
+        at: (y, u), y the unknowns, or the states of a model without algebraic unknowns. None for
+            its steady state at the action of its `steady` block, else at the declared actions.
         p: parameters and the like.
     """
     if at is not None:
@@ -116,8 +116,9 @@ _MOST_STATES = 200
 def slow_gain(model: Model, action: int, measurement: Measured) -> float:
     """Change of a measurement by a slow change of an action, per unit, at the model's steady state.
 
-    It is the real gain at a frequency far below the poles, large where the process integrates. 0 where the model has no
-    steady state, where that is unstable, so that the sign of a loop does not follow from it, and for large models.
+    It is the real gain at a frequency far below the poles, large where the process integrates. 0
+    where the model has no steady state, where that is unstable, so that the sign of a loop does not
+    follow from it, and for large models.
     """
     n = len(model.state_names)
     if n > _MOST_STATES:

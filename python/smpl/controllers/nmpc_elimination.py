@@ -1,4 +1,4 @@
-"""Elimination of explicit unknowns from the equations of a point: rates and algebraic variables that appear linearly.
+"""Elimination of rates and algebraic variables that appear linearly in the equations.
 
 The block triangular form of the equations (A. Pothen, C.-J. Fan, ACM Transactions on Mathematical
 Software 16 (1990) 303-324) orders them so that each block is solved with those before it. A small
@@ -39,8 +39,8 @@ def eliminate(equations: Any, unknowns: Any, rates: int) -> Eliminated:
     Args:
         equations: residuals, a column of CasADi's SX.
         unknowns: as many symbols, the rates of states first.
-        rates: number of rates. An algebraic variable stays an unknown if its block reads a rate that does: costs and
-            bounds know no rates.
+        rates: number of rates. An algebraic variable stays an unknown if its block reads a rate
+            that does: costs and bounds know no rates.
 
     Returns:
         Unchanged equations where they have no block triangular form with a full diagonal.
@@ -105,7 +105,7 @@ def _solution(residual: Any, unknowns: Any) -> Any:
 
 
 def _linear(residual: Any, unknowns: Any, matrix: Any, rest: Any) -> bool:
-    """Compare a residual with its linear form: a comparison that reads the unknowns has no derivative."""
+    """Compares a residual with its linear form, since comparisons have no derivative."""
     import casadi as ca
 
     others = [s for s in ca.symvar(residual) if not ca.depends_on(unknowns, s)]

@@ -1,4 +1,4 @@
-"""Numbers that a predictive controller is given at each decision: parameters, set-points, forecasts and the like."""
+"""Data of a decision of a predictive controller: parameters, set-points, forecasts and others."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class Given:
         self._limit = env.max_steps
 
     def update(self, env: Env, others: FloatArray, estimator: Any) -> None:
-        """Values of this decision: what the plant's controller keeps, the rest of the plant, estimated parameters."""
+        """Values of this decision: discrete variables, other states, estimated parameters."""
         names = {"discrete": env.discrete, "disturbance": env.native.values("disturbance")}
         known = {f"p:{n}": v for n, v in zip(env.discrete_names, names["discrete"].tolist(), strict=True)}
         known |= {f"p:{n}": v for n, v in zip(env.disturbance_names, names["disturbance"].tolist(), strict=True)}
@@ -222,7 +222,7 @@ class Given:
 
 
 def values_of(argument: str, given: Any, steps: Any, times: Any) -> Any:
-    """Values at instants of a number, an array over the steps of the episode, or a function of the time."""
+    """Values at instants of a number, an array over the steps of the episode, or a function."""
     if callable(given):
         return [as_number(f"{argument} at {t:g}", given(float(t))) for t in times]
     if np.ndim(given) == 0:

@@ -78,7 +78,7 @@ class Guesses:
         return inner
 
     def _displaced(self, x: FloatArray, share: float) -> FloatArray:
-        """A guess within the ends, moved by about a share of the ranges, by another one for each unknown of a point."""
+        """A guess within the bounds, displaced by another share of its range for each unknown."""
         t, programme = self._t, self._programme
         low, high = self._ends
         width = np.where(np.isfinite(high - low), high - low, 1.0)

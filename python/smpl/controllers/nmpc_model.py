@@ -1,8 +1,8 @@
 """The model of a predictive controller: CasADi expressions of its variables and given values.
 
-States of the chosen part, algebraic variables and actions are variables; whatever else the
-expressions read (parameters, discrete variables, states of the rest of the plant, values at other
-instants) is *given* anew at every decision, by the name of its symbol: `p:T_f`, `x:h`, `steady:T`.
+States of the chosen part, algebraic variables and actions are variables. Other symbols (parameters,
+discrete variables, states of the rest of the plant, values at other instants) are *given* at every
+decision by name: `p:T_f`, `x:h`, `steady:T`.
 """
 
 from __future__ import annotations
@@ -33,16 +33,17 @@ class Expressions(Mapping[str, Any]):
         smooth: as for `smpl.export.casadi`.
 
     Attributes:
-        state_names, state_scale, state_low, state_high: of the part; the scales are positive and finite.
-        algebraic_names, algebraic_scale, algebraic_nominal: algebraic variables that are unknowns of the collocation;
-            those that the equations define explicitly are expressions. None with a part.
-        equations: rates of the states `explicit` (indices of the part), then the residuals of the other equations.
-        x, z, u, start, before, integral, time: symbols: states, algebraic variables and all actions at a point; the
-            states at the start of the interval, the action before it, integrals over it, the time.
+        state_names, state_scale, state_low, state_high: of the part, with positive finite scales.
+        algebraic_names, algebraic_scale, algebraic_nominal: algebraic unknowns of the collocation,
+            without those that the equations define explicitly. None with a part.
+        equations: rates of the states `explicit` (indices of the part), then other residuals.
+        x, z, u, start, before, integral, time: symbols of states, algebraic variables and actions
+            at a point, initial states of the interval, the last action, integrals and time.
 
     Raises:
         ImportError: CasADi is missing.
-        ValueError: a name of the part means no state, or what is predicted jumps at sampling instants.
+        ValueError: a name of the part means no state, or what is predicted jumps at sampling
+            instants.
     """
 
     def __init__(self, model: Model, part: Iterable[str] | None = None, smooth: float = 0.0) -> None:
@@ -158,8 +159,8 @@ class Expressions(Mapping[str, Any]):
     def limits(self) -> list[tuple[str, Any, float, float]]:
         """Limits of the model at the end of every step: (name, expression, low, high).
 
-        Bounds of states, boxes of failures, root functions of failing events, violations of other failures and of
-        declared constraints.
+        Bounds of states, boxes of failures, root functions of failing events, violations of other
+        failures and of declared constraints.
         """
         e, found = self.export, []
         for i, name in enumerate(self.state_names):
@@ -195,7 +196,7 @@ class Expressions(Mapping[str, Any]):
         return bool(np.isfinite(self.state_low[i]) or np.isfinite(self.state_high[i]))
 
     def within(self, expression: Any, *, algebraic: bool = True) -> bool:
-        """Return whether it has a value at every point of a step, without values of the step as a whole.
+        """Return whether it has a value at every point of a step, not only for the step as a whole.
 
         Args:
             algebraic: it may read algebraic variables too.
@@ -307,7 +308,7 @@ class Expressions(Mapping[str, Any]):
 
 
 def _sizes(scale: FloatArray, nominal: FloatArray) -> FloatArray:
-    """Scales that are positive and finite; a scale of 1 is ignored if the nominal value shows a size."""
+    """Positive finite scales; a scale of 1 is ignored if the nominal value shows a size."""
     size = np.where(np.isfinite(nominal) & (nominal != 0), np.abs(nominal), 1.0)
     usable = np.isfinite(scale) & (scale > 0) & (scale != 1.0)
     return np.where(usable, scale, size)

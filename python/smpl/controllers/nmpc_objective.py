@@ -1,4 +1,4 @@
-"""Cost of a predictive controller's horizon, and the sizes by which its cost and its residuals are scaled."""
+"""Cost of a predictive controller's horizon, and the scales of its cost and residuals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Objective:
         self.stage, self.last = self.stage + move, end + move
 
     def factor(self, given: Given) -> float:
-        """Factor for a steepest slope of the cost of 10 in scaled variables, a tenth of their sizes off the guess."""
+        """Factor for a steepest slope of 10 in scaled variables, near the initial guess."""
         e, ca = self._e, self._ca
         at = ca.vertcat(e.x, e.z, e.u)
         sizes = np.concatenate([e.state_scale, e.algebraic_scale, e.action_scale])
@@ -99,7 +99,7 @@ def _among(symbol: Any, vector: Any) -> bool:
 
 
 def row_sizes(e: Expressions, given: Given) -> FloatArray:
-    """The largest effect on each residual of a change of one unknown by its size, of a rate by its size in a step.
+    """The largest effect of an unknown, changed by its size, on each residual.
 
     A balance in W is as large as what its terms have, so that all equations count alike in a norm.
     """

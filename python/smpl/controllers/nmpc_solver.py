@@ -1,4 +1,4 @@
-"""Solvers of a horizon's programme: fatrop, IPOPT and sequential quadratic programming, all of CasADi's wheel."""
+"""Solvers of a horizon's programme from CasADi: fatrop, IPOPT and SQP."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ Attempt = tuple[str, Callable[[], Solution | None], bool]
 
 
 class Pauses:
-    """Solvers that failed are left out for 1, 4, 16, ... decisions; each success halves the next pause."""
+    """Failed solvers pause for 1, 4, 16, ... decisions; each success halves the next pause."""
 
     def __init__(self) -> None:
         self._pause: dict[str, int] = {}
@@ -123,8 +123,8 @@ class Solver:
 
     Args:
         transcription: of the task.
-        settings: name of the solver, one of `SOLVERS`, and its limits; `auto` is `sqp` for a small problem with a warm
-            start, `ipopt` for stages of many variables, else `fatrop`.
+        settings: name of the solver, one of `SOLVERS`, and its limits; `auto` is `sqp` for a small
+            problem with a warm start, `ipopt` for stages of many variables, else `fatrop`.
         starts: further first guesses where there is no last plan.
         limit: seconds of a decision, of all attempts together.
 
@@ -145,7 +145,7 @@ class Solver:
         self.statuses: list[str] = []
 
     def prepare(self) -> None:
-        """Make the solvers, so that the first decision does not; forget failures of the last episode."""
+        """Makes the solvers before the first decision; forgets failures of the last episode."""
         self._pauses = Pauses()
         for name in (*self._order(warm=True), *self._order(warm=False)):
             self._solver(name)
@@ -207,7 +207,7 @@ class Solver:
         return best
 
     def _attempts(self, given: tuple[Any, ...], warm: list[Solution], cold: list[Any]) -> list[Solution]:
-        """Results of one solver after another, until one is finished; IPOPT and other guesses come last."""
+        """Results of one solver after another until one finishes; IPOPT comes last."""
         found: list[Solution] = []
         plan = self._plan(given, warm, cold)
         for place, (name, guess, retried) in enumerate(plan):
@@ -260,7 +260,7 @@ class Solver:
         return None
 
     def _along(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
-        """The simulated plan, as a first guess at which the equations hold; None where that is not known."""
+        """The simulated plan, an initial guess that satisfies the equations, or None."""
         p, along = self._parameters(given), self._simulated().follow(given, actions)
         if not np.isfinite(along).all():
             return None
@@ -297,7 +297,7 @@ class Solver:
     def elastic(
         self, given: tuple[Any, ...], old: Solution | None, rest: tuple[FloatArray, FloatArray], action: FloatArray
     ) -> Solution | None:
-        """The plan with the least violation of the hard bounds; None without such bounds or time."""
+        """The plan with the least violation of the hard bounds; None without these or time."""
         task = self._transcription.task
         if all(limit.soft for limit in task.limits) or not all(np.isfinite(part).all() for part in given):
             return None
@@ -361,7 +361,7 @@ class Solver:
 
     @staticmethod
     def _active(multipliers: FloatArray, values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Multipliers, 0 away from bounds, where an interior point leaves small ones: an active set begins there."""
+        """Multipliers, 0 away from bounds, for the start of an active-set method."""
         near = np.minimum(values - low, high - values) <= 1e-5
         return np.where(near, multipliers, 0.0)
 

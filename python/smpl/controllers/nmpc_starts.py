@@ -3,8 +3,8 @@
 An economic optimum is one of several, and which of them a solver ends at depends on where it
 begins. Many plans are simulated here, and the best are where it begins (A. H. G. Rinnooy Kan, G. T.
 Timmer, Mathematical Programming 39 (1987) 27-56). At a kink (`max`, `if`) a solver may alternate
-around an optimum without end: the plan that it has then is followed by the equations, and counts by
-what it leads to.
+around an optimum without end. Its last plan is then simulated by the equations and judged by the
+result.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Simulation:
         return found
 
     def complete(self, x: FloatArray, p: FloatArray) -> tuple[float, float]:
-        """Give the slacks of a point the room that broken bounds need; its cost, and how much is broken yet."""
+        """Sets slacks by the violated bounds; returns cost and remaining violation."""
         programme = self._programme
         if not np.isfinite(x).all():
             return np.inf, np.inf
@@ -76,7 +76,7 @@ class Simulation:
         return (float(f[0]), broken) if np.isfinite(f[0]) and np.isfinite(broken) else (np.inf, np.inf)
 
     def _plans(self, rest: FloatArray) -> FloatArray:
-        """Constant actions and straight lines, (plans, H, actions): anywhere, near the operating point, near bounds."""
+        """Constant and linear plans (plans, H, actions), some near operating point and bounds."""
         task, random = self._t.task, np.random.default_rng(0)
         width = task.high - task.low
         ends = random.random((_PLANS, 2, len(width)))
@@ -125,7 +125,7 @@ class Finer:
         self._step = self._t.step_function()
 
     def states(self, given: tuple[Any, ...], plan: FloatArray) -> FloatArray:
-        """States that the plan leads to, (H + 1, states); NaN from where they could not be found."""
+        """States of the simulated plan, (H + 1, states); NaN after a failed step."""
         state, _, constant, varying, at = given
         found = [np.asarray(state, dtype=np.float64)]
         for k, action in enumerate(plan):

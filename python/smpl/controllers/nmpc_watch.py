@@ -1,7 +1,7 @@
 """Calls of CasADi's solvers that an interrupt or a time limit ends.
 
-A callback stops a solver after its iteration at the time limit, and where the handler of a signal
-raises an exception. fatrop has no callback and ignores interrupts: it works in a separate thread,
+A callback stops a solver after an iteration at the time limit, or if a signal handler raises an
+exception. The solver fatrop has no callback and ignores interrupts: it works in a separate thread,
 in which CasADi has released the interpreter lock. The calling thread waits for it, handles signals,
 and leaves it alone at the time limit; it then ends at its limit of iterations.
 """
@@ -84,7 +84,8 @@ class Watched:
     def _inline(self, arguments: Mapping[str, Any]) -> Any:
         """The result of a solver that asks the callback.
 
-        CasADi loses an exception that the handler of a signal raises within an evaluation: it is kept here.
+        CasADi loses an exception that the handler of a signal raises within an evaluation: it is
+        kept here.
         """
         if threading.current_thread() is not threading.main_thread():
             return self._called(arguments)

@@ -27,7 +27,7 @@ _WIDTH = 0.1
 
 
 class Recipe:
-    """The recipe as numbers: every value that is not zero, and the feed of phenylacetic acid of the first 25 steps.
+    """The recipe as numbers: nonzero values, and the feed of phenylacetic acid in 25 steps.
 
     Args:
         model: the fermentation, schedule `hours` for the last number to have an effect.
@@ -66,7 +66,7 @@ class Recipe:
         return chosen
 
     def returns(self, points: FloatArray, seed: int | None = None) -> FloatArray:
-        """Penicillin of batches, kg: expected ones, or with the random numbers of a seed, the same for all points."""
+        """Penicillin of batches in kg: expected, or with the random numbers of a seed."""
         plans = np.stack([self.actions(point) for point in points])
         feed = {FEED: points[:, -1]}
         if seed is None:
@@ -107,8 +107,9 @@ class Recipe:
 class RecipeSearch(TakesWrapped):
     """`gpei` of the paper: the best recipe that a Gaussian process with expected improvement finds.
 
-    The search runs at the first reset, or goes on from its file, and is then followed without feedback. Its last number
-    is a parameter of the episode, `controller.parameters`, to be given as `options={"parameters": ...}`.
+    The search runs at the first reset, or goes on from its file, and is then followed without
+    feedback. Its last number is a parameter of the episode, `controller.parameters`, to be given as
+    `options={"parameters": ...}`.
 
     Args:
         searches: after the `initial` random recipes.

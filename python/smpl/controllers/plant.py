@@ -25,7 +25,7 @@ SPREAD = {"V_flush": 40.0, "V_elu": 20.0, "c_s_cex": 0.06, "c_s_elu": 0.01}
 
 
 def plans(env: Env, horizon: int) -> FloatArray:
-    """Sequences of actions (K, horizon, actions) to begin with: a swap every 20 h, a last one in time."""
+    """Initial sequences of actions (K, horizon, actions) with a swap every 20 h."""
     at = {name: i for i, name in enumerate(env.action_names)}
     base = np.tile(env.policy("nominal"), (horizon, 1))
     # The level of the buffer tank is controlled in the policy; a plan lets out what comes in.

@@ -1,4 +1,4 @@
-"""Baselines of the reactor: the published proportional controller and the published predictive one."""
+"""Baselines of the reactor: the published proportional and predictive controllers."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ STATES, ACTIONS = ("c_A", "T", "h"), ("T_c", "q_out")
 
 
 class Proportional(TakesWrapped, needs_reset=False):
-    """`pid` of the paper, in truth proportional only: jacket temperature by concentration, outflow by level.
+    """`pid` of the paper, which is proportional: T_c by concentration, outflow by level.
 
-    T_c = 26.85 + 100.0 (c_A - c_A,s), q_out = 0.1 + 0.5 (h - h_s), both clipped to the action box. It does not look at
-    the temperature and loses about a tenth of the random starts to thermal runaway.
+    T_c = 26.85 + 100.0 (c_A - c_A,s), q_out = 0.1 + 0.5 (h - h_s), both clipped to the action box.
+    It does not look at the temperature and loses about a tenth of the random starts to thermal
+    runaway.
 
     Args:
         gain_concentration: K m^3/kmol.
@@ -59,9 +60,9 @@ class Proportional(TakesWrapped, needs_reset=False):
 class ReactorNMPC(TakesWrapped):
     """`mpc` of the paper: nonlinear predictive control of the reactor with full state feedback.
 
-    The cost is the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a terminal term, in
-    unscaled units, so that the temperature dominates; the action box is the only bound. Parameters are those of the
-    plant's episode. The problem is built at the first reset.
+    The cost is the sum over interval starts of (x - s)' Q (x - s) + (u - u_s)' R (u - u_s) and a
+    terminal term. It is unscaled, so that the temperature dominates; the action box is the only
+    bound. Parameters are those of the plant's episode. The problem is built at the first reset.
 
     Args:
         horizon: number of intervals of prediction and control.

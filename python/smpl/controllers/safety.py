@@ -1,7 +1,8 @@
 """A filter that changes the actions of a policy only as declared limits require.
 
-Predictive safety filter: K. P. Wabersich, M. N. Zeilinger, Automatica 129 (2021) 109597; plans are sampled and
-simulated by the model itself, so that events, phases and integer actions are not an obstacle.
+Predictive safety filter: K. P. Wabersich, M. N. Zeilinger, Automatica 129 (2021) 109597; plans are
+sampled and simulated by the model itself, so that events, phases and integer actions are not an
+obstacle.
 """
 
 from __future__ import annotations
@@ -25,24 +26,27 @@ _POINTS, _ROUNDS = 9, 4
 class SafetyFilter(TakesWrapped):
     """The nearest action to that of a policy after which a safe plan over the horizon is known.
 
-    An action is safe if a plan that begins with it meets no failure and violates no constraint of the model in the
-    prediction. Plans go on with the action itself, with the backup action, or as the last safe plan. The prediction
-    starts at the running environment (discrete variables and phases included); random numbers are at their means.
+    An action is safe if a plan that begins with it meets no failure and violates no constraint of
+    the model in the prediction. Plans go on with the action itself, with the backup action, or as
+    the last safe plan. The prediction starts at the running environment (discrete variables and
+    phases included); random numbers are at their means.
 
     Args:
         policy: a controller, a policy or a function, see `smpl.policies.as_policy`.
         env: the environment that it is for; None for that of the reset.
         horizon: steps of a plan.
-        backup: action that should keep the plant safe, physical units; if None the operating action.
+        backup: action that should keep the plant safe, physical units; if None the operating
+            action.
         samples: actions tried in addition to those between the proposed and the backup action.
         margin: violation of a constraint that is accepted, a share of its range.
         threads: of the prediction; all processors if None.
 
     Attributes:
         decisions, interventions: number of actions, and of those that were changed.
-        unresolved: decisions without a known safe plan; the plan that lasts longest, then the one with the smallest
-            violation, counts.
-        change: sum of the changes; a change is the largest of its shares of the ranges of the actions.
+        unresolved: decisions without a known safe plan; the plan that lasts longest, then the one
+            with the smallest violation, counts.
+        change: sum of the changes; a change is the largest of its shares of the ranges of the
+            actions.
         plan: the plan of the last action, (horizon, actions).
 
     Raises:

@@ -75,7 +75,7 @@ def simc(process: Lag, closed_loop: float | None = None) -> tuple[float, float, 
 def half_rule(
     gain: float, lags: Sequence[float], delay: float = 0.0, inverse: Sequence[float] = (), order: int = 1
 ) -> Lag:
-    """Skogestad's half rule: half of the first lag that is left out counts as delay and half as lag.
+    """Skogestad's half rule: the first neglected lag counts half as delay and half as lag.
 
     Args:
         gain: steady gain.
@@ -100,11 +100,11 @@ def step_response(
     at: tuple[Any, Any] | None = None,
     p: Mapping[str, float] | None = None,
 ) -> Lag:
-    """First order with delay of the linearised model, by the times at which the step response has 28.3 and 63.2 %.
+    """First order with delay from the times of 28.3 and 63.2 % of the linear step response.
 
-    A response that does not come to rest within a thousand intervals is an integrator: its slope at the end, and the
-    delay at which that line begins. A stable process with a delay of less than half a sampling interval has that delay:
-    the controller is a sampled one.
+    A response that does not come to rest within a thousand intervals is an integrator: its slope at
+    the end, and the delay at which that line begins. A stable process with a delay of less than
+    half a sampling interval has that delay: the controller is a sampled one.
 
     Args:
         model: any model; the measurement is one of its observations, else a state.
@@ -152,7 +152,7 @@ def tune(
 
 @dataclass(frozen=True)
 class Ultimate:
-    """Result of a relay experiment: the gain at which the loop would oscillate, with its sign, and the period."""
+    """Result of a relay experiment: the signed gain at which a loop oscillates, and the period."""
 
     gain: float
     period: float
@@ -183,14 +183,15 @@ def relay(
     seed: int = 0,
     options: Mapping[str, Any] | None = None,
 ) -> Ultimate:
-    """Relay experiment: the action jumps by +-amplitude whenever the measurement crosses its set-point.
+    """Relay experiment: the action jumps by +-amplitude when the measurement crosses its set-point.
 
     Args:
         env: the environment; it is reset, by default to its steady state.
         measurement, action, sees: as for `PID`.
         amplitude: of the action, physical units.
         sign: -1 where a larger action lowers the measurement.
-        hysteresis: half width of the band around the set-point in which the relay stays; above the noise.
+        hysteresis: half width of the band around the set-point in which the relay stays; above the
+            noise.
         set_point: that of the steady state if none.
         cycles: how many are waited for; the last two count.
         seed, options: of the reset.

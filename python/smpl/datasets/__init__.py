@@ -1,4 +1,4 @@
-"""Data sets: collection, storage in Parquet, layouts, and exchange with the packages of offline learning."""
+"""Data sets: collection, storage in Parquet, layouts, and exchange with other packages."""
 
 from smpl.datasets.collecting import collect
 from smpl.datasets.exports import d3rlpy_arrays, to_d3rlpy, to_d4rl, to_hdf5, to_minari, to_torch

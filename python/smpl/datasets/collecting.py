@@ -68,12 +68,13 @@ def collect(
 ) -> Dataset:
     """Run episodes and keep them; what the folder has already is not run again.
 
-    Episode i is the same for any number of workers: it has the seed seed + i. Controllers that act on a whole batch
-    run in the native one with `workers` threads, others in `workers` processes.
+    Episode i is the same for any number of workers: it has the seed seed + i. Controllers that act
+    on a whole batch run in the native one with `workers` threads, others in `workers` processes.
 
     Args:
         env: id, model's name, path, compiled model, or an environment without wrappers.
-        controller: see `smpl.learning.agent`; a list is a mixture, from which each episode draws one.
+        controller: see `smpl.learning.agent`; a list is a mixture, from which each episode draws
+            one.
         episodes: how many; where the folder has more, they stay, with a warning.
         out: folder of the data set; it is made if it is not there.
         seed: of the first episode.
@@ -86,14 +87,15 @@ def collect(
         states: keep the states, all or those that are named.
         part: episodes a part; chosen by their size if none.
         progress: show a progress bar (extra `data`: tqdm).
-        ray: address of a cluster of Ray that runs them, see `smpl.learning.cluster`; the files are the same to the bit.
-        arguments: of the environment: `scenario`, `variants`, `settings`, `reward`, `observation`, `normalize`,
-            `max_steps`.
+        ray: address of a cluster of Ray that runs them, see `smpl.learning.cluster`; the files are
+            the same to the bit.
+        arguments: of the environment: `scenario`, `variants`, `settings`, `reward`, `observation`,
+            `normalize`, `max_steps`.
 
     Raises:
-        ValueError: an argument is none of what it may be.
-        DatasetError: the folder has another data set, another process is collecting into it, or an episode has a value
-            that is not finite.
+        ValueError: an argument has an invalid value.
+        DatasetError: the folder has another data set, another process is collecting into it, or an
+            episode has a value that is not finite.
         RunError: an episode does not start, or its controller fails.
         ImportError: a package is missing.
     """
@@ -107,7 +109,7 @@ def collect(
     count = as_count("workers", workers if workers is not None else os.cpu_count() or 1)
     folder, kept = Path(out), _state_names(plan.task, states)
     if folder.exists() and not folder.is_dir():
-        raise DatasetError(f"{folder} is no folder: give another place for the data set")
+        raise DatasetError(f"{folder} is not a folder: give another place for the data set")
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder):
         _collected(plan, folder, _manifest(plan, folder, kept, part), count, ray, progress)
@@ -216,7 +218,7 @@ def _manifest(plan: Plan, folder: Path, states: tuple[str, ...], part: int | Non
 
 
 def _told(key: str, there: Any, here: Any) -> str:
-    """How an entry of the identity differs; of controllers only what differs in them."""
+    """Difference of an entry of the identity; of controllers only their differences."""
     if key == "settings" and isinstance(there, list) and len(there) == len(here):
         found = [one for pair in zip(there, here, strict=True) for one in differences(*pair)]
         more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
@@ -230,7 +232,7 @@ def _brief(value: Any) -> str:
 
 
 def _identity(plan: Plan, states: tuple[str, ...]) -> dict[str, Any]:
-    """What the episodes are a function of, as JSON has it."""
+    """Inputs that determine the episodes, as JSON."""
     return {
         "model": plan.task.model.name,
         "checksum": plan.task.checksum,

@@ -36,8 +36,8 @@ _D4RL = ("observations", "actions", "rewards", "next_observations", "terminals",
 def to_d4rl(episodes: Iterable[Episode]) -> dict[str, Array]:
     """Episodes as the dictionary of D4RL: one row a step, single precision.
 
-    `terminals` is set where the process has ended, `timeouts` where the time limit has; never both in one row.
-    `next_observations` is there so that no reader has to shift rows.
+    `terminals` is set where the process has ended, `timeouts` where the time limit has; never both
+    in one row. `next_observations` is there so that no reader has to shift rows.
 
     Raises:
         ValueError: there are no episodes.
@@ -59,7 +59,7 @@ def d4rl_rows(episode: Episode) -> dict[str, Array]:
 
 
 def to_hdf5(episodes: Iterable[Episode], path: str | os.PathLike[str]) -> Path:
-    """Write episodes as an HDF5 file in the layout of D4RL (extra `minari`, for h5py), one after the other.
+    """Writes episodes as an HDF5 file in the layout of D4RL (extra `minari`, for h5py).
 
     Raises:
         ImportError: h5py is missing.
@@ -93,7 +93,7 @@ def _append(file: Any, key: str, rows: Array) -> None:
 
 
 def to_torch(episodes: Iterable[Episode], folder: str | os.PathLike[str] | None = None) -> Any:
-    """Episodes as a `TensorDataset` of torch: observation, action, reward, next observation, terminated.
+    """`TensorDataset` of torch: observation, action, reward, next observation, terminated.
 
     Args:
         episodes: the episodes.
@@ -142,8 +142,9 @@ def memory_mapped(
 def to_d3rlpy(episodes: Iterable[Episode]) -> MDPDataset:
     """Episodes as a data set of d3rlpy (extra `d3rlpy`).
 
-    d3rlpy drops the last transition of a truncated episode, since it has no next observation there: such an episode
-    gets one more row with the final observation, zero action and reward, and the time-out is marked on it.
+    d3rlpy drops the last transition of a truncated episode, since it has no next observation. Such
+    an episode gets one more row with the final observation, zero action and reward, and the
+    time-out is marked on it.
 
     Raises:
         ImportError: d3rlpy is missing.
@@ -177,15 +178,18 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
         episodes: the episodes, each complete.
         env: the environment, its id or specification, a model's name or the path of one.
             Its time limit is stored as `max_episode_steps` of the specification.
-        texts: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`, `description`,
-            `ref_min_score`, `ref_max_score` (give both or none), `data_format`, `requirements`.
+        texts: passed on: `algorithm_name`, `author`, `author_email`, `code_permalink`,
+            `description`, `ref_min_score`, `ref_max_score` (give both or none), `data_format`,
+            `requirements`.
 
     Raises:
         ImportError: Minari is missing.
-        ValueError: the data set exists, there is no such environment, or it has other observations or actions.
+        ValueError: the data set exists, there is no such environment, or it has other observations
+            or actions.
 
     Warns:
-        UserWarning: the environment does not give the first recorded steps again, as one of another reward or scenario.
+        UserWarning: the environment does not give the first recorded steps again, as one of another
+        reward or scenario.
     """
     minari = load("minari", "this export")
     EpisodeBuffer = load("minari.data_collector.episode_buffer", "this export").EpisodeBuffer
@@ -218,7 +222,7 @@ def to_minari(identifier: str, episodes: Iterable[Episode], env: Any, **texts: A
 
 
 def _described(env: Any) -> Any:
-    """For a model's name or path the specification from which Minari can make the environment; all else as it is."""
+    """Specification from which Minari can make the environment of a model's name or path."""
     if not isinstance(env, (str, Path)) or str(env) in gymnasium.registry:
         return env
     task = Task.of(env)
@@ -253,7 +257,7 @@ def _warn_unless_repeated(env: Any, first: Any) -> None:
     """Say so where an environment of smpl does not give the first steps of the episodes again."""
     if not isinstance(env.unwrapped, Env) or first.seed is None:
         return
-    env = copy.deepcopy(env)  # the caller's is left where it stands
+    env = copy.deepcopy(env)  # the caller's generator does not change
     try:
         observation, _ = env.reset(seed=first.seed, options=first.options)
         for k, action in enumerate(first.actions[:_REPEATED]):
@@ -282,12 +286,12 @@ def _check_observation(names: Sequence[str], here: Array, there: Array, steps: i
 
 
 def _near(here: Any, there: Any) -> Any:
-    """Whether values are those of the file, whose actions are in single precision."""
+    """True if values are those of the file, whose actions are in single precision."""
     return np.isclose(here, there, rtol=1e-3, atol=1e-3)
 
 
 def _infos(episode: Episode) -> dict[str, Any]:
-    """Costs, times, violations and rewards by name, each with T + 1 entries, entry 0 being that of the reset."""
+    """Costs, times, violations and rewards by name with T + 1 entries; entry 0 is the reset."""
     infos: dict[str, Any] = {"cost": episode.costs, "time": episode.times}
     if episode.details is not None:
         infos["violations"] = dict(episode.details.violations)

@@ -52,15 +52,16 @@ class _Arrays(pickle.Unpickler):
             return super().find_class(module, name)
         if (module, name) == ("_codecs", "encode"):
             return super().find_class(module, name)
-        raise DatasetError(f"the file asks for {module}.{name}, which is no part of a data set: it was not read")
+        raise DatasetError(f"the file asks for {module}.{name}, which is not part of a data set: it was not read")
 
 
 def from_legacy(path: str | os.PathLike[str] | Mapping[str, npt.ArrayLike]) -> list[Episode]:
     """Episodes of a data set of 2022: a pickle, or the dictionary that is in it.
 
-    There row t holds observation t, the action chosen from it, and the reward and flags received *before* it; the last
-    row of an episode holds its final observation and an action that was not used, and the flag `terminals` is set at
-    time-outs too. Here the reward of a step stands with its action, and an end is either of the two.
+    There row t holds observation t, the action chosen from it, and the reward and flags received
+    *before* it. The last row of an episode holds its final observation and an unused action, and
+    the flag `terminals` is also set at time-outs. Here the reward of a step is in the row of its
+    action, and an end is either of the two.
 
     Only arrays are read from a pickle; one that asks for anything else is refused.
 
@@ -84,7 +85,7 @@ def _unpickle(path: Path) -> Any:
     except DatasetError:
         raise
     except Exception as error:  # what a damaged pickle raises is anything
-        raise DatasetError(f"{path} is no data set of 2022: {error}") from error
+        raise DatasetError(f"{path} is not a data set of 2022: {error}") from error
 
 
 def _legacy_columns(content: Any) -> dict[str, Array]:
@@ -117,7 +118,7 @@ def _legacy_episode(columns: Mapping[str, Array], first: int, last: int) -> Epis
         columns["actions"][first:last],
         columns["rewards"][first + 1 : last + 1],
         terminated=not late,
-        # Ends that are no time-outs were failures of the original's environments.
+        # Ends other than time-outs were failures of the original environments.
         failure="" if late else "unknown: the data set of 2022 does not say which",
     )
 
@@ -125,15 +126,16 @@ def _legacy_episode(columns: Mapping[str, Array], first: int, last: int) -> Epis
 def from_pensim_csv(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Episode]:
     """Episodes of the penicillin files of 2022, one a batch, in physical units.
 
-    Row k of a file holds the state *after* step k, the action and the reward of step k. A step of the episode is the
-    observation of row k - 1 with action and reward of row k; what was before the first row is not in the file, so that
-    an episode has one step less than its file has rows. A file of 1150 rows ends with the batch, a shorter one is cut.
+    Row k of a file holds the state *after* step k, the action and the reward of step k. A step of
+    the episode is the observation of row k - 1 with action and reward of row k. The file lacks the
+    observation before the first row, so that an episode has one step less than its file has rows. A
+    file of 1150 rows ends with the batch, a shorter one is cut.
 
     Args:
         paths: a file, a folder of files, or several files.
 
     Raises:
-        DatasetError: no such file, a column is missing, a cell is no number.
+        DatasetError: a missing file or column, or a cell that is not a number.
     """
     return [_pensim_episode(path) for path in _files(paths)]
 
@@ -182,7 +184,7 @@ def _numbers(path: Path, lines: list[list[str]], width: int) -> Array:
             try:
                 table[row, place] = float(cell)
             except ValueError:
-                raise DatasetError(f"{path}, line {row + 2}: {cell!r} is no number") from None
+                raise DatasetError(f"{path}, line {row + 2}: {cell!r} is not a number") from None
         if not np.all(np.isfinite(table[row])):
             raise DatasetError(f"{path}, line {row + 2}: a cell is missing or not finite")
     return table

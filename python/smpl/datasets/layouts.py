@@ -33,8 +33,9 @@ class Transitions:
 class LegacyRows:
     """Rows of the original's data sets: one more than steps in each episode.
 
-    Row t holds observation t, the action chosen from it, and the reward and flags received before it (0 and false in
-    row 0); the last row holds the final observation and an unused action. `terminals` is set at time-outs too.
+    Row t holds observation t, the action chosen from it, and the reward and flags received before
+    it (0 and false in row 0). The last row holds the final observation and an unused action.
+    `terminals` is set at time-outs too.
     """
 
     observations: Float32Array

@@ -16,7 +16,7 @@ from smpl.learning.plan import Task
 
 
 class Dataset(Sequence[Episode]):
-    """Episodes of a folder, read part by part when they are asked for; one part is in memory at a time.
+    """Episodes of a folder, read part by part at their use; one part is in memory at a time.
 
     Attributes:
         folder: where it is.
@@ -72,7 +72,7 @@ class Dataset(Sequence[Episode]):
 
     @property
     def complete(self) -> bool:
-        """Whether all episodes that were asked for are there; not while they are collected, or where that was cut."""
+        """True if all requested episodes are there; False during and after a partial collection."""
         return len(self) == self.manifest.episodes
 
     def check(self, env: Any, **arguments: Any) -> None:
@@ -117,7 +117,7 @@ class Dataset(Sequence[Episode]):
             self._parts.append((number, int(mark["episodes"])))
 
     def _faults(self) -> dict[int, str]:
-        """Parts after which others would be counted wrong. What is not there yet at the end is no fault."""
+        """Missing parts before others; parts missing at the end are not an error."""
         manifest, counts, faults = self.manifest, dict(self._parts), {}
         sizes = {number: last - first for number in range(manifest.parts) for first, last in [manifest.range(number)]}
         again = f"though {part_path(self.folder, max(counts, default=0)).name} is there: collect again"
@@ -160,7 +160,8 @@ def load(folder: str | os.PathLike[str], env: Any = None, *, skip_damaged: bool 
         ImportError: pyarrow is missing.
 
     Warns:
-        UserWarning: a part is missing before others, as where several workers were cut off; collecting again makes it.
+        UserWarning: a part is missing before others, as where several workers were cut off;
+        collecting again makes it.
     """
     if env is None and arguments:
         raise ValueError(f"{', '.join(arguments)}: arguments of an environment, and none is given")

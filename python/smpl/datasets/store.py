@@ -1,8 +1,8 @@
 """Data sets on disk: a folder with `dataset.json` and parts in Parquet, each whole or absent.
 
-One row an instant: row k of an episode holds observation k, the action chosen from it and what the step that it began
-brought (reward, flags, the disturbance in force); the last row holds the final observation, and null for the step that
-there was not. Parts are written under a temporary name, flushed to the disk and renamed.
+One row per instant: row k of an episode holds observation k, the action chosen from it and the
+results of the step (reward, flags, disturbance). The last row holds the final observation, and null
+for the missing step. Parts are written under a temporary name, flushed to the disk and renamed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def pyarrow() -> Any:
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold a folder: nobody else writes parts into it meanwhile. What dies holds it no longer.
+    """Locks a folder against other processes that write parts; a failed process releases it.
 
     Raises:
         DatasetError: another process, or thread, holds it.
@@ -76,12 +76,13 @@ def alone(folder: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What all parts of a data set have in common.
+    """Common properties of all parts of a data set.
 
     Attributes:
-        identity: what the episodes are a function of; the same for all runs that may add to the data set.
+        identity: what the episodes are a function of; the same for all runs that may add to the
+            data set.
         names: of the columns by key of `GROUPS`.
-        about: versions, units, bounds: what a reader wants to know.
+        about: versions, units, bounds, for readers.
         part: episodes a part.
         episodes: how many were asked for.
 
@@ -115,7 +116,7 @@ class Manifest:
         """The manifest of a folder.
 
         Raises:
-            DatasetError: there is none, or it is of another format.
+            DatasetError: the manifest is missing, or has another format.
         """
         try:
             content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -129,13 +130,13 @@ class Manifest:
                 made.names[key]
             return made
         except FileNotFoundError as error:
-            raise DatasetError(f"{folder} is no data set: it has no {MANIFEST}") from error
+            raise DatasetError(f"{folder} is not a data set: it has no {MANIFEST}") from error
         except (OSError, TypeError, KeyError, AttributeError, json.JSONDecodeError) as error:
             raise DatasetError(f"{folder / MANIFEST} is damaged: {error}") from error
 
     @property
     def mark(self) -> str:
-        """Digest of what the episodes are a function of: parts of another collection have another one."""
+        """Digest of the inputs that determine the episodes, which differs between collections."""
         text = json.dumps(json.loads(json.dumps(self.identity, default=str)), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -237,7 +238,7 @@ def read_part(folder: Path, number: int, manifest: Manifest) -> list[Episode]:
 
 
 def _check_order(columns: Mapping[str, npt.NDArray[Any]], first: int, count: int | None) -> None:
-    """Refuse rows that are not those of so many episodes from `first` on, step by step to their ends.
+    """Refuses rows that are not those of so many complete episodes from `first` on.
 
     Raises:
         ValueError: they are not.

@@ -49,7 +49,8 @@ class Artefact(TakesWrapped):
         """Begin an episode.
 
         Raises:
-            ValueError: the environment is not the one of the contract; the message names what differs.
+            ValueError: the environment is not the one of the contract; the message names what
+                differs.
         """
         self.contract.check(env, self._where, any_model=self._any_model)
         self._memory[:] = 0.0
@@ -76,13 +77,14 @@ def load_artefact(path: str | Path, env: Any = None, *, any_model: bool = False)
     """An exported policy as a controller.
 
     Args:
-        path: `.c` (compiled with the compiler `cc`, or the one in the environment variable `CC`), `.onnx` (needs
-            `onnxruntime`), or `.fmu` with a binary for this machine.
+        path: `.c` (compiled with the compiler `cc`, or the one in the environment variable `CC`),
+            `.onnx` (needs `onnxruntime`), or `.fmu` with a binary for this machine.
         env: the environment that it is for, checked at once; otherwise at its reset.
         any_model: accept another version of the model with the same names, units and limits.
 
     Raises:
-        ValueError: the file is missing, is not an exported policy, or its contract does not fit the environment.
+        ValueError: the file is missing, is not an exported policy, or its contract does not fit the
+            environment.
         ImportError: a package is missing.
     """
     file = Path(path)
@@ -163,7 +165,7 @@ def _of_onnx(file: Path) -> tuple[Contract, Call]:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     try:
         session = runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime has exceptions of its own
+    except Exception as error:  # the runtime has its own exceptions
         raise ValueError(f"{file.name} cannot be read as ONNX: {str(error).splitlines()[0]}") from error
     contract = Contract.of_text(session.get_modelmeta().custom_metadata_map.get(KEY, "{}"), file.name)
 

@@ -1,4 +1,4 @@
-"""Exported policies in C99: one function, no allocation, no state but the array that the caller keeps."""
+"""Exported policies in C99: one function without allocation; the caller keeps the state."""
 
 from __future__ import annotations
 

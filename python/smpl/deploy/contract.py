@@ -1,4 +1,4 @@
-"""The contract of an exported policy: plant, inputs and actions with their units, checked when it is loaded."""
+"""Contract of an exported policy, checked when it is loaded: plant, inputs, actions, units."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Contract:
-    """What an exported policy needs of a plant.
+    """Requirements of an exported policy on a plant.
 
     Attributes:
         controller: what was exported.
@@ -44,7 +44,8 @@ class Contract:
         level: observation level; scenario: empty for the default one.
         interval, time_unit: time between two calls.
         inputs, actions: in the order of the arrays.
-        memory: number of values that are carried from call to call, zeros at the start of an episode.
+        memory: number of values that are carried from call to call, zeros at the start of an
+            episode.
         formulation: of the training, if there is one.
         version: of smpl.
     """
@@ -163,7 +164,7 @@ def contract_of(
 
 
 def model_hash(model: Model) -> str:
-    """SHA-256 of the model's files, its scenario's included, and of its variants, settings and further statements.
+    """SHA-256 of the files of model and scenario, variants, settings and further statements.
 
     Reward, observation level and the arguments of an environment do not enter it.
     """

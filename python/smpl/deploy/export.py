@@ -18,22 +18,25 @@ from smpl.learning.plan import Task
 def export_policy(policy: Any, env: Any, target: str, path: str | Path, **arguments: Any) -> Path:
     """Write a controller or policy as a program for another system.
 
-    The file has one function from inputs to actions, both in physical units; scaling, limits and the formulation of
-    the training are inside of it, and a contract with names, units, limits and a hash of the model.
+    The file has one function from inputs to actions, both in physical units. It contains scaling,
+    limits, the formulation of the training, and a contract with names, units, limits and a hash of
+    the model.
 
     Args:
-        policy: a controller or policy; or a name or file as `python -m smpl.evaluate` takes them (`lqr`, `pid`,
-            `PPO:policy.zip`).
+        policy: a controller or policy; or a name or file as `python -m smpl.evaluate` takes them
+            (`lqr`, `pid`, `PPO:policy.zip`).
         env: id, name or path of a model, a compiled model, or an `smpl.Env`.
         target: one of `TARGETS`: `c` (`FILE.c` and `FILE.h`), `onnx`, `fmu`.
         path: of the file.
-        arguments: of the environment (`scenario`, `variants`, `settings`, `observation`, `normalize`, ...).
+        arguments: of the environment (`scenario`, `variants`, `settings`, `observation`,
+            `normalize`, ...).
 
     Returns:
         The file.
 
     Raises:
-        ValueError: an unknown target, or a policy that the target cannot carry; the message says why.
+        ValueError: an unknown target, or a policy that the target cannot carry; the message says
+            why.
         ImportError: `onnx` is missing.
 
     Example:

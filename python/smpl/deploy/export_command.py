@@ -1,4 +1,4 @@
-"""`smpl export-policy POLICY --env ENV --to c|onnx|fmu -o FILE`: a controller or policy for another system."""
+"""`smpl export-policy POLICY --env ENV --to c|onnx|fmu -o FILE`: a policy for another system."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Exported policies as FMI 3.0 co-simulation units: inputs are measurements, outputs actions.
 
-The action of a sampling instant is computed from the inputs that are set then: at the first reading of an output, else
-at the beginning of the next step. An importer that sets the measurements, reads the actions and steps the plant gets
-the loop of an environment.
+The action of a sampling instant is computed from the inputs that are set then: at the first reading
+of an output, else at the beginning of the next step. An importer that sets the measurements, reads
+the actions and steps the plant gets the loop of an environment.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Control laws in the few forms that can be exported: tables, linear feedback, PID loops, networks."""
+"""Control laws that can be exported: tables, linear feedback, PID loops, networks."""
 
 from __future__ import annotations
 
@@ -37,13 +37,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Linear:
-    """u = rest - gain (x - state) - integral_gain z within the limits, z the summed errors of outputs.
+    """u = rest - gain (x - state) - integral_gain z within limits, z the summed output errors.
 
     Attributes:
         inputs: source and position of each input.
         gain: (actions, inputs); integral_gain: (actions, errors).
         state, rest: operating point.
-        rows, through: errors by deviations of inputs and actions, (errors, inputs) and (errors, actions).
+        rows, through: errors by deviations of inputs and actions, (errors, inputs) and (errors,
+            actions).
         low, high: limits of the actions.
     """
 
@@ -108,7 +109,7 @@ class Loops:
 
 @dataclass(frozen=True)
 class Layer:
-    """weight x + bias, then the activation, in single precision; `slope` is that of ELU and leaky ReLU."""
+    """weight x + bias and activation, in single precision; `slope` is of ELU and leaky ReLU."""
 
     weight: Single
     bias: Single
@@ -122,8 +123,8 @@ class Network:
 
     Attributes:
         inputs: source and position of each observation.
-        low, high: bounds by which an observation is scaled to [-1, 1]; NaN for one that is not scaled. Observations
-            are clipped to `clip_low` and `clip_high` before.
+        low, high: bounds by which an observation is scaled to [-1, 1]; NaN for one that is not
+            scaled. Observations are clipped to `clip_low` and `clip_high` before.
         windows: (inputs,) True where the scaled value is clipped to [-1, 1].
         history: number of observations that are seen, the newest last.
         layers: of the network.

@@ -1,4 +1,4 @@
-"""Layers of the networks of other packages, by the names of their classes: no package is imported."""
+"""Layers of other packages' networks, by the names of their classes without imports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NEUTRAL = ("Flatten", "FlattenExtractor", "Dropout", "Identity")
 
 
 def network_of(policy: Any) -> tuple[Layer, ...] | None:
-    """The layers of a policy of Stable-Baselines3 or of a TorchScript module, deterministic; None of anything else.
+    """The layers of a Stable-Baselines3 policy or TorchScript module, deterministic; else None.
 
     Raises:
         ValueError: the network has modules that cannot be exported; the message names the first.

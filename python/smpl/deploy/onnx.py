@@ -18,7 +18,7 @@ KEY = "smpl_policy"
 
 
 def write(law: Law, contract: Contract, file: Path) -> None:
-    """Write the graph: `input` (N, inputs) and `memory` (N, memory) to `action` and `next_memory`, in doubles.
+    """Writes the graph from `input` and `memory` to `action` and `next_memory`, in doubles.
 
     Raises:
         ValueError: PID loops, which branch on their past.

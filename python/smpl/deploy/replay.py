@@ -119,7 +119,7 @@ def _difference(one: Mapping[str, Any], index: int, summary: Any, seed: int, far
 
 
 def _located(one: Mapping[str, Any], folder: Path) -> tuple[str, list[str]]:
-    """The policy of a result, where it was or next to the result; a note if its file has changed."""
+    """The policy of a result, or one next to the result; a note if its file has changed."""
     spec = one["policy"]
     if spec is None:
         raise ValueError(f"{one['name']} was not made of a name or a file, so it cannot be replayed; pass --policy")

@@ -21,9 +21,9 @@ def _function_class() -> type[Any]:
     class ModelFunction(ca.Function):
         """A function of a model.
 
-        In calls by position `z` may be left out where the model has no algebraic variables, `c` where only constants
-        are read of it, and `p`, which may also be a mapping of names to values instead of the nominal ones. In
-        everything else it is a function as any other.
+        Calls by position may omit `z` if the model has no algebraic variables, `c` if only its
+        constants are read, and `p`. `p` may also be a mapping from names to values that replace
+        nominal ones. In everything else it is a function as any other.
         """
 
         def __init__(self, function: Any, model: CasadiModel) -> None:

@@ -15,7 +15,8 @@ def text(model: Model, target: str) -> dict[str, str]:
     """The files of an export: ending -> text, the main file first.
 
     Args:
-        model: a compiled model; scenario, variants and settings are those that it was compiled with.
+        model: a compiled model; scenario, variants and settings are those that it was compiled
+            with.
         target: `casadi`, `jax`, `c` or `json`.
 
     Raises:
@@ -30,7 +31,7 @@ def json(model: Model) -> dict[str, Any]:
 
 
 def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]:
-    """Write an export as `smpl export --to TARGET -o PATH` does; further files are next to the main one.
+    """Writes an export as `smpl export --to TARGET -o PATH` does; further files are next to it.
 
     Returns:
         The files, the main one first.
@@ -50,10 +51,12 @@ def fmu(model: Model, path: str | os.PathLike[str], *, binary: bool = True) -> P
     """Write a Functional Mock-up Unit of FMI 3.0, as `smpl export --to fmu -o PATH` does.
 
     Args:
-        model: a compiled model; scenario, variants and settings are those that it was compiled with.
+        model: a compiled model; scenario, variants and settings are those that it was compiled
+            with.
         path: where it goes, `NAME.fmu`.
-        binary: make a binary for this machine by the C compiler `cc` (another one: the environment variable `CC`).
-            Without one the FMU holds sources that an importer compiles; a warning says so where that was not asked for.
+        binary: make a binary for this machine by the C compiler `cc` (another one: the environment
+            variable `CC`). Without one the FMU holds sources that an importer compiles; a warning
+            says so where that was not asked for.
 
     Returns:
         The file.

@@ -29,9 +29,10 @@ def run(model: Model, target: str) -> dict[str, Any]:
 class Tables:
     """Names, units, bounds, magnitudes and nominal values of the vectors of an exported model.
 
-    For each kind (`state`, `algebraic`, `action`, `parameter`, `context`, `output`) there are `KIND_names` and
-    `KIND_units` (tuples), and the arrays `KIND_low`, `KIND_high`, `KIND_scale` and `KIND_nominal`. `labels` and
-    `label_units` map the name of each function to the names and units of the numbers that it gives.
+    For each kind (`state`, `algebraic`, `action`, `parameter`, `context`, `output`) there are
+    `KIND_names` and `KIND_units` (tuples), and the arrays `KIND_low`, `KIND_high`, `KIND_scale` and
+    `KIND_nominal`. `labels` and `label_units` map the name of each function to the names and units
+    of the numbers that it gives.
     """
 
     _kinds = ("state", "algebraic", "action", "parameter", "context", "output")
@@ -68,7 +69,7 @@ class Tables:
     functions: dict[str, Any]
 
     def parameters(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """The vector p: nominal values with those by name in their place, and what is computed from them.
+        """The vector p: nominal values, given values by name, and values computed from these.
 
         Raises:
             ValueError: an unknown name; the message lists the right ones.
@@ -111,23 +112,25 @@ class Tables:
 class CasadiModel(Tables):
     """A model as CasADi functions; made by `smpl.export.casadi`.
 
-    Vectors are columns: states x, algebraic variables z, actions u, parameters p; `state_names`, `algebraic_names`,
-    `action_names` and `parameter_names` say what the elements are. p holds the parameters, then discrete variables and
-    disturbances, then what else the equations need (time last, where they depend on it). Functions of a whole step may
-    also take c (`context_names`): values at other instants, counters. The `name_in()` of a function says what it takes.
-    Calls may omit z in models without it, p (the nominal one) and c where it holds constants only; p may be a
-    mapping.
+    Vectors are columns: states x, algebraic variables z, actions u, parameters p; `state_names`,
+    `algebraic_names`, `action_names` and `parameter_names` name their elements. Parameters p are
+    the declared ones, discrete variables and disturbances, and other inputs of the equations, time
+    last. Functions of a whole step may also take c (`context_names`): values at other instants,
+    counters. The `name_in()` of a function says what it takes. Calls may omit z in models without
+    it, p (the nominal one) and c where it holds constants only; p may be a mapping.
 
     Attributes:
-        rhs: `rhs(x, u, p)`, rates of the states; None unless the model is explicit without algebraic variables.
-        dae: `dae(x, z, u, p)`, rates and residual of the algebraic equations; None unless explicit in the rates.
+        rhs: `rhs(x, u, p)`, rates of the states; None unless the model is explicit without
+            algebraic variables.
+        dae: `dae(x, z, u, p)`, rates and residual of the algebraic equations; None unless explicit
+            in the rates.
         residual: `residual(dx, x, z, u, p)`, for every model.
         outputs: algebraic outputs (`output_names`); None if missing, like the following.
         observations: observations in physical units (`observation_names`).
         rewards: mapping of the name of each reward to its function.
         failures, successes, constraints, invariants, events, integrals: vectors, named by `labels`.
-        functions: all functions by name: also the updates `start`, `end`, `event_0`, ..., which map (x, z, p) to
-            (x, z, p), and the policies `policy_NAME`.
+        functions: all functions by name: also the updates `start`, `end`, `event_0`, ..., which map
+            (x, z, p) to (x, z, p), and the policies `policy_NAME`.
     """
 
     def __init__(self, namespace: Mapping[str, Any], kind: str | None, smooth: float) -> None:
@@ -152,10 +155,11 @@ class CasadiModel(Tables):
         self.integrals: Any = made.get("integrals")
 
     def part(self, states: Iterable[str]) -> CasadiPart:
-        """The part of the model that holds some states: their rates, with what they get from the others as inputs.
+        """The part of the model with some states: their rates, with other variables as inputs.
 
         Args:
-            states: names of states, or of components and arrays for all that belongs to them: `["R1", "T"]`.
+            states: names of states, or of components and arrays for all that belongs to them:
+                `["R1", "T"]`.
 
         Raises:
             ValueError: a name means no state, or the model is not explicit in its rates.
@@ -176,9 +180,10 @@ class CasadiModel(Tables):
 class JaxModel(Tables):
     """A model as pure JAX functions; made by `smpl.export.jax`.
 
-    Functions take time t first, then the vectors of `CasadiModel`: `rhs(t, x, u, p)`, `dae(t, x, z, u, p)`,
-    `residual(t, dx, x, z, u, p)`, `outputs`, `observations`, `rewards` (a vector, `reward_names`) and so on of
-    (t, x, z, u, p) and, where `takes_context` says so, c; p does not contain time.
+    Functions take time t first, then the vectors of `CasadiModel`: `rhs(t, x, u, p)`, `dae(t, x, z,
+    u, p)`, `residual(t, dx, x, z, u, p)`, and others of (t, x, z, u, p), with c if `takes_context`
+    names them. The others are `outputs`, `observations`, `rewards` (a vector, `reward_names`) and
+    so on. Time is not in p.
 
     Attributes:
         functions: all functions by name, the updates included, which give (x, z, p).
@@ -215,9 +220,10 @@ def casadi(model: Model, kind: str | None = None, smooth: float = 0.0) -> Casadi
 
     Args:
         model: a compiled model.
-        kind: "MX" keeps loops as operations on vectors, "SX" writes every number out; by the model's size if None.
-        smooth: width over which switches, absolute values, minima and maxima are made smooth, in the unit of what is
-            compared; 0 leaves them exact.
+        kind: "MX" keeps loops as operations on vectors, "SX" writes every number out; by the
+            model's size if None.
+        smooth: width over which switches, absolute values, minima and maxima are made smooth, in
+            the unit of what is compared; 0 leaves them exact.
 
     Raises:
         ImportError: CasADi is missing.
@@ -230,8 +236,8 @@ def casadi(model: Model, kind: str | None = None, smooth: float = 0.0) -> Casadi
 def jax(model: Model) -> JaxModel:
     """The model as pure JAX functions.
 
-    They compute in the precision of their arguments: call `jax.config.update("jax_enable_x64", True)` first for double
-    precision.
+    They compute in the precision of their arguments: call `jax.config.update("jax_enable_x64",
+    True)` first for double precision.
 
     Raises:
         ImportError: JAX is missing.

@@ -16,9 +16,11 @@ class CasadiPart:
     """A part of a model as a CasADi function; made by `CasadiModel.part`.
 
     Attributes:
-        rates: `rates(x, w, u, p)`, rates of the states of the part; u and p are those of the whole model.
+        rates: `rates(x, w, u, p)`, rates of the states of the part; u and p are those of the whole
+            model.
         state_names, state_nominal: elements of x.
-        outside_names, outside_nominal: elements of w: states and algebraic variables of the rest that the rates read.
+        outside_names, outside_nominal: elements of w: states and algebraic variables of the rest
+            that the rates read.
     """
 
     rates: Any
@@ -50,7 +52,7 @@ def cut(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     nominal: FloatArray,
 ) -> CasadiPart:
-    """The part of a model that holds some states; `names` are those of states and of algebraic variables."""
+    """The part of a model with some states; `names` are of states and algebraic variables."""
     import casadi as ca
 
     at = chosen(states, names[0])

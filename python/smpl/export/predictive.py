@@ -22,19 +22,19 @@ def do_mpc(
     kind: str | None = None,
     smooth: float = 0.0,
 ) -> Any:
-    """The model as a `do_mpc.model.Model` that is set up, ready for the controllers and simulators of do-mpc.
+    """The model as a `do_mpc.model.Model` that is set up for do-mpc's controllers and simulators.
 
-    Every state, algebraic variable and action is a variable with its name.
-    Every character except a letter, digit or underscore becomes an underscore (`c[1,2]` is `c_1_2`).
-    A model of more than 200 states has one vector `x`, and one `z`.
-    Outputs, observations and rewards that (x, z, u, p) determine are expressions: `NAME`,
-    `obs_NAME`, `reward_NAME`.
+    Every state, algebraic variable and action is a variable with its name. Every character except a
+    letter, digit or underscore becomes an underscore (`c[1,2]` is `c_1_2`). A model of more than
+    200 states has one vector `x`, and one `z`. Outputs, observations and rewards that (x, z, u, p)
+    determine are expressions: `NAME`, `obs_NAME`, `reward_NAME`.
 
     Args:
         model: a compiled model, explicit in its rates.
-        parameters: names among `CasadiModel.parameter_names` that become parameters (`_p`) of the model.
-        varying: names that become time-varying parameters (`_tvp`): disturbances, for example. All others have
-            their nominal values.
+        parameters: names among `CasadiModel.parameter_names` that become parameters (`_p`) of the
+            model.
+        varying: names that become time-varying parameters (`_tvp`): disturbances, for example. All
+            others have their nominal values.
         kind, smooth: as for `smpl.export.casadi`; optimizers need smooth switches.
 
     Raises:

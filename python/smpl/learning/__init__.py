@@ -1,8 +1,8 @@
-"""Running many episodes of any controller or policy: what collection, evaluation and the benchmark share.
+"""Many episodes of any controller or policy, for collection, evaluation and benchmark.
 
-A `Task` says which environment, a `Plan` which episodes (seeds, starts, controllers, noise); `run` makes them, in one
-native batch where the controllers can act on many environments at once, else one by one. Episode i of a plan depends
-on the plan and on i alone.
+A `Task` describes the environment, a `Plan` the episodes (seeds, starts, controllers, noise). `run`
+makes them in one native batch if the controllers can act on many environments at once, else one by
+one. Episode i of a plan depends on the plan and on i alone.
 """
 
 from smpl.learning.agents import Agent, agent

@@ -26,11 +26,12 @@ class Agent:
         name: what reports and data sets call it.
         chooser: a controller, a policy or a function, see `smpl.policies.as_policy`.
         physical: whether a function or policy gives physical units.
-        version: changes when the controller does. With a version, a collection is continued with a controller of this
-            class or qualified name whose constructor arguments are unknown, see `smpl.controllers.Recorded`.
+        version: changes when the controller does. With a version, a collection is continued with a
+            controller of this class or qualified name whose constructor arguments are unknown, see
+            `smpl.controllers.Recorded`.
 
     Raises:
-        TypeError: `chooser` is none of these.
+        TypeError: `chooser` is of another kind.
     """
 
     def __init__(self, name: str, chooser: Any, physical: bool = False, version: str | int | None = None) -> None:
@@ -57,7 +58,7 @@ class Agent:
 
     @property
     def batched(self) -> bool:
-        """Whether `act` takes more than one row."""
+        """True if `act` takes more than one row."""
         return self.policy.batched
 
     @property
@@ -87,14 +88,14 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
     """An agent of a name, a file or an object.
 
     Args:
-        spec: a name of `names(model)`; `constant:26.85,0.1` (physical units); `module:attribute`; a path of a policy
-            file (`.zip` of Stable-Baselines3 as `PPO:policy.zip`, `.d3` of d3rlpy, `.pt` of TorchScript); an `Agent`;
-            a controller, a policy or a function.
+        spec: a name of `names(model)`, `constant:26.85,0.1` (physical units), `module:attribute`,
+            an `Agent`, a controller, a policy or a function. Or a path of a policy file: `.zip` of
+            Stable-Baselines3 as `PPO:policy.zip`, `.d3` of d3rlpy, `.pt` of TorchScript.
         model: of the environment that it is for.
-        name: in place of the one that it would have.
+        name: instead of the default one.
 
     Raises:
-        ValueError: a name that nobody has; the message lists the right ones.
+        ValueError: an unknown name; the message lists the valid ones.
         ImportError: a package is missing that the file or controller needs.
     """
     if isinstance(spec, Agent):
@@ -112,7 +113,7 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
 
 
 def _files(spec: str) -> dict[str, bytes]:
-    """The file of a policy and its formulation, for a machine that has them not; nothing for anything else."""
+    """The file of a policy and its formulation for another machine; empty for others."""
     file = _policy_file(spec)
     if file is None:
         return {}

@@ -1,7 +1,8 @@
-"""Work on a plan on a cluster of Ray (extra `ray`); what a worker or a node that dies had in work is done again.
+"""Work on a plan on a cluster of Ray (extra `ray`); work of failed nodes is repeated.
 
-Pieces go out a few at a time. A piece whose worker or node died goes out again; the first result of a piece is the one
-that counts. Results come back to this process, which alone writes files: the nodes need no common disk.
+Pieces go out a few at a time. A piece whose worker or node died goes out again; the first result of
+a piece is the one that counts. Results come back to this process, which alone writes files: the
+nodes need no common disk.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ def spread_on_ray(
         work: a function of a module that all nodes have; done twice it must do no harm.
         shared: what all pieces have in common; it is sent to each node once.
         pieces: must be hashable.
-        address: of the cluster: `auto` for the one that runs here, `local` to start one on this machine, or HOST:PORT.
+        address: of the cluster: `auto` for the one that runs here, `local` to start one on this
+            machine, or HOST:PORT.
 
     Raises:
         ImportError: Ray is missing.

@@ -1,4 +1,4 @@
-"""Environments as a learner sees them: a wrapper for one, a batch of many, and curricula of their parameters."""
+"""Environments of learners: a wrapper, a batch, and curricula of parameters."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Array = npt.NDArray[Any]
 
 
 class Curriculum:
-    """Parameters whose ranges move while the learner learns; each episode draws from where they are.
+    """Parameters with ranges that move during training; each episode draws from them.
 
     Args:
-        stages: name of a parameter to its stages (progress, low, high), progress from 0 to 1 and rising; between two
-            stages both ends move linearly.
+        stages: name of a parameter to its stages (progress, low, high), progress from 0 to 1 and
+            rising; between two stages both ends move linearly.
 
     Raises:
-        ValueError: stages that are none.
+        ValueError: invalid stages.
 
     Example:
         >>> Curriculum({"spread": [(0.0, 0.05, 0.05), (0.5, 0.3, 0.3)]}).ranges(0.25)
@@ -124,7 +124,7 @@ class Formulated(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self._base.from_physical(physical[0]).astype(np.float32)
 
     def reverse_action(self, action: Any) -> Array:
-        """The action of the formulation that comes nearest to one of the environment beneath; raises as `action`."""
+        """The action of the formulation nearest to one of the environment beneath."""
         given = as_vector("action", action, len(self._base.action_names))
         return self.form.reverse(self._current(), self._base.to_physical(given)[None])[0]
 
@@ -151,7 +151,7 @@ class FormulatedVectorEnv(VectorEnv):
         progress: from 0 to 1, set by who trains; anything else is a ValueError.
 
     Raises:
-        ValueError: an argument that cannot be meant.
+        ValueError: an invalid argument.
     """
 
     def __init__(
@@ -190,7 +190,7 @@ class FormulatedVectorEnv(VectorEnv):
 
     @property
     def progress(self) -> float:
-        """How much of the training is behind, from 0 to 1."""
+        """Share of the training that is done, from 0 to 1."""
         return self._progress
 
     @progress.setter
@@ -203,7 +203,7 @@ class FormulatedVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Start episodes; as of `smpl.VectorEnv`. With a seed the curriculum draws the same parameters again."""
+        """Starts episodes as `smpl.VectorEnv`; a seed also repeats the curriculum's parameters."""
         if seed is not None:
             first = seed if isinstance(seed, (int, np.integer)) else next((s for s in seed if s is not None), 0)
             self._draws = np.random.default_rng([int(first), 6])
@@ -272,6 +272,6 @@ class FormulatedVectorEnv(VectorEnv):
 
 
 def _failed(terminated: Array, infos: dict[str, Any]) -> Array:
-    """Which steps have ended in a failure."""
+    """Mask of the steps that have ended in a failure."""
     texts = infos["final_info"]["failure"] if "final_info" in infos else infos["failure"]
     return terminated & (texts != "")

@@ -1,7 +1,7 @@
-"""How a learner sees an environment: its actions, observations and rewards, for one environment or a batch of them.
+"""Formulation of a learning task: actions, observations and rewards of a learner.
 
-The process stays as it is; a policy of a formulation is brought back to the environment's own actions by
-`FormulatedPolicy`, so that it is collected, evaluated and compared as any other.
+The process does not change. `FormulatedPolicy` converts actions of a formulation's policy to those
+of the environment, so that it is collected, evaluated and compared as any other.
 """
 
 from __future__ import annotations
@@ -38,35 +38,40 @@ from smpl.support.seeds import native_seed
 
 Array = npt.NDArray[Any]
 FILE = "formulation.json"
-# Centres that are no controllers.
+# Centres other than controllers.
 _CENTRES = ("box", "nominal", "rules", "recipe")
 
 
 @dataclass(frozen=True)
 class Formulation:
-    """What a learner is given in place of the environment's own actions, observations and rewards.
+    """Actions, observations and rewards of a learner instead of the environment's own.
 
-    An action a in [-1, 1] means `centre + reach * a * (distance from the centre to the limit on that side)`, so that 0
-    is the centre and, with `reach` 1, -1 and 1 are the limits.
+    An action a in [-1, 1] means `centre + reach * a * (distance from the centre to the limit on
+    that side)`, so that 0 is the centre and, with `reach` 1, -1 and 1 are the limits.
 
     Attributes:
-        centre: `box` (middle of the limits), `nominal` (declared defaults), `rules` (the two rules of the antibody
-            process, or of its plant, for the level of a tank and the switch, nominal for the rest), `recipe` (the
-            model's policy `nominal`, which must be a function of the step alone), or the name of a controller that acts
-            on batches (`pid`, `profile`, `constant:...`) or of another policy of the model: the learner corrects it.
+        centre: `box` (middle of the limits), `nominal` (declared defaults), `rules` or `recipe`, or
+            a controller that the learner corrects. `rules` are the two rules of the antibody
+            process or its plant for the level of a tank and the switch, nominal for the rest.
+            `recipe` is the model's policy `nominal`, which must be a function of the step alone. A
+            controller is named as one that acts on batches (`pid`, `profile`, `constant:...`) or as
+            another policy of the model.
         reach: share of the way from the centre to a limit that the learner may go.
-        left: names of actions, single ones or arrays, that are left to the centre; the learner does not have them.
-        limits: name of an action to (low, high) in physical units: a box inside the declared one. A centre outside of
-            it is moved to its nearest end.
-        windows: name of an observation to (low, high) in physical units: what the learner sees as -1 and 1, clipped
-            there, in place of the observation. A process that is held near a point moves little within its bounds.
+        left: names of actions, single ones or arrays, that are left to the centre; the learner does
+            not have them.
+        limits: name of an action to (low, high) in physical units: a box inside the declared one. A
+            centre outside of it is moved to its nearest end.
+        windows: name of an observation to (low, high) in physical units: the learner observes these
+            as -1 and 1, clipped, instead of the observation. A process that is held near a point
+            moves little within its bounds.
         history: observations that a policy sees, the newest last; 1 for the present one only.
         reward_scale: factor of rewards.
         reward_range: (low, high) that scaled rewards are clipped to.
-        failure_reward: reward of a step that ends in a failure, in place of the scaled one; none to keep that.
+        failure_reward: reward of a step that ends in a failure, instead of the scaled one; None for
+            the scaled one.
 
     Raises:
-        ValueError: a number that cannot be meant.
+        ValueError: an invalid number.
     """
 
     centre: str = "box"
@@ -119,16 +124,16 @@ class Formulation:
 
     @property
     def shapes_rewards_only(self) -> bool:
-        """Whether actions and observations are the environment's own."""
+        """True if actions and observations are the environment's own."""
         return replace(self, reward_scale=1.0, reward_range=None, failure_reward=None) == Formulation()
 
     def write(self, folder: Path) -> None:
-        """Keep it beside a policy, where `--policy` finds it."""
+        """Saves it next to a policy, where `--policy` finds it."""
         (folder / FILE).write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
 
 
 class LearnedBox(Box):
-    """The action space of a formulation; a policy that keeps its action space keeps its formulation with it.
+    """Action space of a formulation, so that a policy with its space has the formulation.
 
     Attributes:
         formulation: as a mapping of its attributes.
@@ -154,8 +159,8 @@ class Form:
         interface: the environment, single or a batch.
 
     Raises:
-        ValueError: an unknown action, observation or centre, limits outside of the action's bounds, or no action is
-            left to learn.
+        ValueError: an unknown action, observation or centre, limits outside of the action's bounds,
+            or no action is left to learn.
     """
 
     def __init__(self, formulation: Formulation, interface: Interface) -> None:
@@ -204,7 +209,7 @@ class Form:
         return Box(np.tile(low, count), np.tile(high, count), dtype=np.float32)
 
     def physical(self, rows: Rows, actions: Array) -> FloatArray:
-        """Actions of the learner, shape (environments, learned actions), as all actions in physical units."""
+        """All physical actions for the learner's (environments, learned actions)."""
         centre = np.clip(self._centre(rows), self.low, self.high)
         scaled = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self.formulation.reach
         middle, low, high = (values[..., self.learned] for values in (centre, self.low, self.high))
@@ -220,7 +225,7 @@ class Form:
         return np.clip(scaled, -1.0, 1.0)
 
     def observe(self, memory: Sequence[dict[str, Any]], observations: Array) -> Array:
-        """Observations with those before them; an empty memory begins an episode with copies of the first one."""
+        """Observations with earlier ones; an episode begins with copies of the first one."""
         count, observations = self.formulation.history, self._through_windows(observations)
         if count == 1:
             return observations
@@ -298,7 +303,7 @@ class FormulatedPolicy(_Acting):
 
 
 class Exploration(_Acting):
-    """The centre of a formulation, with noise on the actions that a learner has: what its data sets are made by.
+    """The centre of a formulation with noise on the learned actions, for data sets.
 
     Args:
         formulation: as the learner will see the environment.
@@ -310,7 +315,7 @@ class Exploration(_Acting):
         self._noise = noise
 
     def act(self, rows: Rows) -> FloatArray:
-        """Actions for a batch, in the action space of the environment; those of an episode follow from its seed."""
+        """Actions for a batch in the environment's action space, by the seeds of the episodes."""
         form = self._laid_over(rows.interface)
         actions = np.stack([self._drawn(one, len(form.learned)) for one in rows.memory])
         return rows.interface.from_physical(form.physical(rows, actions))
@@ -333,7 +338,8 @@ def formulated(episode: Episode, form: Form) -> Episode:
         The episode with the observations, actions and rewards of the learner.
 
     Raises:
-        ValueError: states that the centre reads were not kept, or an action is none that the formulation has.
+        ValueError: states that the centre reads were not kept, or an action is not one of the
+            formulation.
     """
     interface = form.interface
     for what, array, names in (
@@ -363,7 +369,7 @@ def formulated(episode: Episode, form: Form) -> Episode:
         step, which = np.argwhere(off)[0]
         raise ValueError(
             f"step {step} of the episode of seed {episode.seed} has {interface.action_names[which]} = "
-            f"{given[step, which]:.6g}, which is none of its formulation's actions"
+            f"{given[step, which]:.6g}, which is not one of its formulation's actions"
         )
     memory: list[dict[str, Any]] = [{}]
     seen = np.concatenate([form.observe(memory, row[None]) for row in episode.observations])
@@ -389,9 +395,10 @@ def _ends(what: str, bounds: Any) -> tuple[float, float]:
 def _centre(
     name: str, interface: Interface, low: FloatArray, high: FloatArray
 ) -> tuple[Callable[[Rows], FloatArray], str]:
-    """Physical actions of the centre for the rows of a batch, into which may be written, and what it needs for it.
+    """Physical actions of the centre for a batch (writable), and the rows it needs.
 
-    That is nothing, the `states` of the rows, or the `model`, which a running environment only can be asked.
+    That is nothing, the `states` of the rows, or the `model`, which a running environment only can
+    be asked.
     """
     if name == "box":
         return lambda rows: np.tile((low + high) / 2, (len(rows.steps), 1)), ""
@@ -421,7 +428,7 @@ def _centre(
         chosen.reset(env, 0)
         given = acted(chosen, Rows(env, observation[None], env.state[None], np.array([0]), [{"seed": 0}]), name)
     except ValueError as error:
-        raise ValueError(f"centre is {name!r}, which is none for {interface.model.name}: {error}") from error
+        raise ValueError(f"centre is {name!r}, which does not fit {interface.model.name}: {error}") from error
     if not np.isfinite(given).all():
         raise ValueError(f"centre is {name!r}, expected finite actions")
     return lambda rows: interface.to_physical(acted(chosen, rows, name)), chosen.needs
@@ -477,7 +484,7 @@ def _rules(interface: Interface) -> Callable[[Rows], FloatArray]:
 
 
 def _swap_is_due(states: Sequence[str]) -> Callable[[Rows], Array]:
-    """When columns are swapped: in the plant, which has two, every 20 steps, else at the breakthrough."""
+    """Swap of columns: every 20 steps in the plant, which has two, else at breakthrough."""
     if "col[1].c[1]" in states:
         return lambda rows: rows.steps % _SWAP == _SWAP - 1
     outlet = states.index([name for name in states if name.startswith("col.c[")][-1])

@@ -27,7 +27,7 @@ def initial_grid(
         An array of shape (n ** states, states).
 
     Raises:
-        ValueError: no points, or a centre or a spread that is none.
+        ValueError: no points, or an invalid centre or spread.
     """
     points = as_count("points", points)
     middle = as_numbers("centre", centre, "(states,)")

@@ -45,7 +45,7 @@ def names(model: Model) -> tuple[str, ...]:
 
 
 def _known(model: Model) -> dict[str, Callable[[], Any]]:
-    """Controllers by name: those of every model, the baselines of this one, and the policies that it declares."""
+    """Controllers by name: of every model, baselines of this one, and declared policies."""
     known: dict[str, Callable[[], Any]] = {"nominal": controllers.Nominal, "random": controllers.Uniform}
     known["lqr"] = partial(controllers.LQR, model)
     if model.action_names == ("T_c", "q_out"):

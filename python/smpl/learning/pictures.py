@@ -1,4 +1,4 @@
-"""Pictures of an evaluation (extra `report`): trajectories, returns, violations, where which controller is better."""
+"""Pictures of an evaluation (extra `report`): trajectories, returns, violations, comparisons."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def pictures(plan: Plan, scores: Sequence[Score]) -> dict[str, tuple[str, bytes]
 
 
 def _trajectories(plan: Plan, scores: Sequence[Score]) -> Figure:
-    """A row for each observation and action; where a controller is far off, a second panel shows the others."""
+    """A row for each observation and action; a second panel omits a controller far off."""
     rows, left_out = _rows(plan, scores)
     far = [_far(bands) for _, _, bands, _ in rows]
     figure = Figure(figsize=(look.WIDTH, 0.5 + 1.5 * len(rows)), layout="constrained")
@@ -68,7 +68,7 @@ def _trajectories(plan: Plan, scores: Sequence[Score]) -> Figure:
 
 
 def _rows(plan: Plan, scores: Sequence[Score]) -> tuple[list[tuple[str, str, _Bands, tuple[float, float]]], list[str]]:
-    """Name, unit, bands and bounds of what is shown, and the names of what is left out for want of room."""
+    """Name, unit, bands and bounds of shown quantities, and the names of omitted ones."""
     model = plan.task.model
     observed = min(len(model.observation_names), _PANELS - min(len(model.action_names), 3))
     acted = min(len(model.action_names), _PANELS - observed)
@@ -102,7 +102,7 @@ def _bands(scores: Sequence[Score], values: Sequence[Sequence[FloatArray]]) -> _
 
 
 def _far(bands: _Bands) -> set[int]:
-    """Controllers without which the panel is much narrower, those farthest off first; never all but a constant."""
+    """Controllers that widen a panel most, farthest first."""
     extents = {
         i: (float(np.nanmin(band[1])), float(np.nanmax(band[3]))) for i, band in enumerate(bands) if band is not None
     }
@@ -177,7 +177,7 @@ def _violations(scores: Sequence[Score]) -> Figure:
 
 
 def _starts(plan: Plan, scores: Sequence[Score]) -> Figure:
-    """Where each controller beats the first, over the two observations that vary most at the start."""
+    """Regions in which each controller beats the first, over two initial observations."""
     starts = np.stack([one.start for one in scores[0].summaries])
     extent = np.ptp(starts, axis=0) / np.maximum(np.abs(starts).max(axis=0), 1e-300)
     x, y = sorted(np.argsort(extent)[-2:])

@@ -1,4 +1,4 @@
-"""Which environment and which episodes."""
+"""Environment and episodes of a plan."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Task:
 
     @classmethod
     def of(cls, env: Any, **arguments: Any) -> Task:
-        """The task of an id (`smpl/Reactor-v0`, `MODULE:ID`), a model's name, a path, a model or an `smpl.Env`.
+        """The task of an id (`smpl/Reactor-v0`, `MODULE:ID`), a name, a path, a model or an `Env`.
 
         Raises:
             ValueError: an id that there is not, or of another package.
@@ -55,7 +55,7 @@ class Task:
         if name is not None:
             spec = gymnasium.spec(name)
             if spec.entry_point != "smpl.envs:Env":
-                raise ValueError(f"{env!r} is no environment of smpl")
+                raise ValueError(f"{env!r} is not an environment of smpl")
             given = {**spec.kwargs, **given}
             path: Any = given.pop("model")
         else:
@@ -70,7 +70,7 @@ class Task:
         return Env(self.model, **self.arguments)
 
     def vector(self, num_envs: int, threads: int | None) -> VectorEnv:
-        """A new batch that is reset by hand."""
+        """A new batch without autoreset."""
         return VectorEnv(self.model, num_envs, autoreset_mode="disabled", num_threads=threads, **self.arguments)
 
     @property
@@ -135,7 +135,7 @@ class Plan:
         """A plan after its arguments were looked at.
 
         Raises:
-            ValueError: an argument is none of what it may be; the message says which.
+            ValueError: an argument has an invalid value; the message names it.
         """
         given = controllers if isinstance(controllers, (list, tuple)) else [controllers]
         agents = tuple(agent(one, task.model) for one in given)
@@ -202,7 +202,7 @@ class Plan:
 
 
 def _registered(env: str) -> str | None:
-    """The id of a registered environment, with or without `MODULE:` before it; none for a name or a path.
+    """Id of a registered environment, with or without `MODULE:`; None for a name or path.
 
     Raises:
         ValueError: an id of smpl that there is not, or a module that cannot be imported.
@@ -238,7 +238,7 @@ def _of_env(env: Any, given: dict[str, Any]) -> Task:
 
 
 def _telling(arguments: dict[str, Any], model: Model) -> dict[str, Any]:
-    """Arguments without those that say what holds anyway: two environments that are the same have the same."""
+    """Arguments without defaults, so that equal environments have equal arguments."""
     anyway = {"normalize": True, "dense_reward": True, "info_state": False, "max_steps": model.max_steps}
     return {key: value for key, value in arguments.items() if key not in anyway or anyway[key] != value}
 

@@ -21,8 +21,8 @@ Array = npt.NDArray[Any]
 def load_policy(spec: str) -> Any:
     """The policy of a file.
 
-    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, and what `smpl export-policy`
-    writes: `FILE.c`, `FILE.onnx`, `FILE.fmu`.
+    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, and what
+    `smpl export-policy` writes: `FILE.c`, `FILE.onnx`, `FILE.fmu`.
 
     Raises:
         ValueError: the file is missing, cannot be read, or its algorithm is not named.
@@ -46,7 +46,7 @@ def _stable_baselines(algorithm: str, file: str) -> Any:
         if found is not None:
             with _of_file(file, algorithm):
                 return found.load(file, device="cpu")
-    raise ValueError(f"algorithm {algorithm!r} is none of stable-baselines3 or sb3-contrib (is that installed?)")
+    raise ValueError(f"algorithm {algorithm!r} is not in stable-baselines3 or sb3-contrib (is that installed?)")
 
 
 def _d3rlpy(_: str, file: str) -> Any:
@@ -86,7 +86,7 @@ def _of_file(file: str, what: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def of_torchscript() -> Iterator[None]:
-    """Suppress the deprecation warnings of TorchScript: it is the form that each of the pinned versions reads."""
+    """Suppresses deprecation warnings of TorchScript, which all pinned versions read."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"`torch\.jit\.", FutureWarning)
         yield

@@ -1,4 +1,4 @@
-"""Reports of evaluations: a table for the terminal, JSON, Markdown and one HTML file with its pictures in it."""
+"""Reports of evaluations: a table for the terminal, JSON, Markdown and one HTML file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _MARK = 1e-6
 
 
 def content(plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
-    """What `report.json` holds."""
+    """Content of `report.json`."""
     task = plan.task
     return {
         "about": {
@@ -78,7 +78,7 @@ def text_table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def write(folder: Path, plan: Plan, scores: Sequence[Score]) -> dict[str, Any]:
-    """Write `report.json`, `report.md` and `report.html`, and the pictures; returns what the first holds."""
+    """Writes `report.json`, `report.md`, `report.html` and the pictures; returns the first."""
     folder.mkdir(parents=True, exist_ok=True)
     report = content(plan, scores)
     _write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False).encode() + b"\n")
@@ -158,7 +158,7 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, tuple[str, bytes]], n
 
 
 def _pictures(plan: Plan, scores: Sequence[Score]) -> tuple[dict[str, tuple[str, bytes]], str]:
-    """Pictures by name, each with its title; and a note where there are none."""
+    """Pictures by name with their titles; a note if pictures are missing."""
     try:
         from smpl.learning.pictures import pictures
     except ImportError:

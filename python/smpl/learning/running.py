@@ -24,7 +24,7 @@ class RunError(RuntimeError):
 
 
 def batched(plan: Plan) -> bool:
-    """Whether all agents of a plan act on a whole batch at once."""
+    """True if all agents of a plan act on a whole batch at once."""
     return all(one.batched for one in plan.agents)
 
 
@@ -32,7 +32,7 @@ def run(plan: Plan, jobs: Sequence[Job], settings: Settings) -> Iterator[tuple[J
     """Run episodes; they come in the order in which they end.
 
     Raises:
-        RunError: an episode does not start, or its controller fails or gives an action that is none.
+        RunError: an episode does not start, or its controller fails or returns an invalid action.
     """
     if batched(plan):
         size = min(SLOTS, len(jobs)) if settings.batch else 1

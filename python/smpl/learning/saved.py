@@ -17,26 +17,28 @@ from smpl.vector import VectorEnv
 
 
 def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
-    """Write a trained policy and the formulation that it was trained in, so that `--policy` runs it there.
+    """Writes a trained policy and the formulation of its training, which `--policy` uses.
 
-    The policy is written by its own `save`; the formulation, and the names of the observations and actions of the
-    environment, go to `NAME.formulation.json` next to it.
+    The policy is written by its own `save`; the formulation, and the names of the observations and
+    actions of the environment, go to `NAME.formulation.json` next to it.
 
     Args:
         policy: of Stable-Baselines3 (`.zip`), of d3rlpy (`.d3`), or a TorchScript module (`.pt`).
         path: of the file; its ending is that of the kind of policy.
-        env: the environment of the training, in its wrappers: `Formulated`, `FormulatedVectorEnv`, `SB3VecEnv`, a
-            vector environment of Stable-Baselines3 over them, or an environment without a formulation.
+        env: the environment of the training, in its wrappers: `Formulated`, `FormulatedVectorEnv`,
+            `SB3VecEnv`, a vector environment of Stable-Baselines3 over them, or an environment
+            without a formulation.
 
     Returns:
         The path of the policy file.
 
     Raises:
         TypeError: a policy that cannot be saved, or an environment that is not one of smpl.
-        ValueError: another ending, or a wrapper that changes observations or actions, which the file would not have.
+        ValueError: another ending, or a wrapper that changes observations or actions, which the
+            file would not have.
 
     Example:
-        save_policy(model, "ppo.zip", batch)    # then: python -m smpl.evaluate reactor --policy PPO:ppo.zip
+        save_policy(model, "ppo.zip", batch)  # python -m smpl.evaluate reactor --policy PPO:ppo.zip
     """
     file = Path(path)
     if file.suffix not in TRAINED:
@@ -52,7 +54,7 @@ def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
 
 
 def _beneath(env: Any) -> tuple[Form | None, Interface]:
-    """The formulation of an environment in its wrappers, if there is one, and the environment of smpl."""
+    """The formulation of a wrapped environment, if any, and the environment of smpl."""
     for one in _layers(env):
         if isinstance(one, FormulatedVectorEnv):
             return one.form, one
@@ -91,7 +93,7 @@ def _sidecar(file: Path) -> Path:
 
 
 def sidecars(file: Path) -> tuple[Path, Path]:
-    """Files that may hold the formulation of a policy: its own, and that of all policies of the folder."""
+    """Files that may hold the formulation of a policy: its own, then that of the folder."""
     return _sidecar(file), file.with_name(FILE)
 
 
@@ -99,8 +101,8 @@ def in_its_formulation(policy: Any, file: Path, model: Model) -> Any:
     """A policy of a file in the formulation that it was trained in, if one is known.
 
     Raises:
-        ValueError: a damaged file, another one than the policy itself states, or observations and actions that are
-            not those of the model.
+        ValueError: a damaged file, another one than the policy itself states, or observations and
+            actions that are not those of the model.
     """
     space = getattr(policy, "action_space", None)
     own = (space.formulation, space.names) if isinstance(space, LearnedBox) else None
@@ -125,7 +127,7 @@ def _read(path: Path) -> tuple[Formulation, Mapping[str, Any]]:
         names = dict(given.pop("environment", {}))
         return Formulation.of(given), names
     except (ValueError, TypeError, AttributeError) as error:
-        raise ValueError(f"{path} is no formulation: {error}") from error
+        raise ValueError(f"{path} is not a formulation: {error}") from error
 
 
 def _check_names(file: Path, names: Mapping[str, Any], model: Model) -> None:

@@ -1,4 +1,4 @@
-"""What an evaluation keeps of each episode, and the scores that come of it."""
+"""Records of an evaluation's episodes, and scores from them."""
 
 from __future__ import annotations
 
@@ -34,14 +34,15 @@ class Summary:
 
     Attributes:
         index, seed: which one.
-        steps, total, mean, squares: number, sum and mean of its rewards, and their squared deviations from the mean.
+        steps, total, mean, squares: number, sum and mean of its rewards, and their squared
+            deviations from the mean.
         last: its last reward, which is the error reward where it failed.
         failure: identifier of the cause, empty for none; text: what the environment says.
         success: whether a success ended it.
         cost: sum of all violations over its steps; violations: the same by constraint.
         violated: steps with a violation.
-        settling: time from which on the state stays near the steady one, NaN where it never does; none where the model
-            has no steady state.
+        settling: time from which on the state stays near the steady one, NaN where it never does;
+            none where the model has no steady state.
         start: observation of the reset, physical units.
         at_limit: share of the actions, over all steps and names, that are at a limit of the action box.
     """
@@ -86,7 +87,7 @@ class Score:
         return np.array([one.total for one in self.summaries])
 
     def pooled(self) -> tuple[float, float, int]:
-        """Mean and population standard deviation over all steps of all episodes, and their number."""
+        """Mean and population deviation over all steps of all episodes, and their number."""
         steps = np.array([one.steps for one in self.summaries], dtype=np.float64)
         means = np.array([one.mean for one in self.summaries])
         count = float(steps.sum())
@@ -164,7 +165,8 @@ def score(
         workers: threads of the native batch, or processes; all processors if none.
         stepped: called with the number of episodes after each that has ended.
         kept: how many episodes to keep whole.
-        ray: address of a cluster that runs them, see `smpl.learning.cluster`; the scores are the same to the bit.
+        ray: address of a cluster that runs them, see `smpl.learning.cluster`; the scores are the
+            same to the bit.
 
     Raises:
         RunError: an episode could not be run.
@@ -188,7 +190,7 @@ def score(
 
 
 def _ends(plan: Plan, size: int) -> list[tuple[int, int]]:
-    """Pieces of the plan. They do not depend on who runs them: what a network gives may depend on its batch."""
+    """Pieces of the plan, the same for any number of workers: batches may affect networks."""
     return [(first, min(first + size, plan.episodes)) for first in range(0, plan.episodes, size)]
 
 
@@ -268,7 +270,7 @@ def _at_limit(plan: Plan, one: Episode) -> float:
 
 
 def settling_time(one: Episode, steady: FloatArray, width: FloatArray) -> float:
-    """Time from which on every state is within `width` of the steady one; NaN if it is not so at the end.
+    """Time after which all states stay within `width` of the steady state; else NaN.
 
     Raises:
         ValueError: the states were not kept.
@@ -283,7 +285,7 @@ def settling_time(one: Episode, steady: FloatArray, width: FloatArray) -> float:
 
 
 def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
-    """Steady state and the width around it, 2 % of each state's range; none where there is no steady state."""
+    """Steady state and the width around it, 2 % of each state's range; else None."""
     env = plan.task.env()
     env.reset(seed=0, options={"start": "nominal"})
     try:

@@ -1,4 +1,4 @@
-"""Where episodes start: sampled as the model says, on a grid, spread over the box, or from a table."""
+"""Starts of episodes: sampled by the model, on a grid, spread over the box, or from a table."""
 
 from __future__ import annotations
 
@@ -54,10 +54,11 @@ class Starts:
         """Starts as a user names them.
 
         Args:
-            given: none or `sampled`; `grid:D:N` (from 1 - D to 1 + D times the steady state, N values a state,
-                clipped to the box; 0.3 and 10 if they are left out) or `unclipped_grid:D:N`; `spread:D` (scrambled
-                Sobol points in the box, its ends clipped to the bounds); a path of a CSV file whose columns are states;
-                an array (starts, states); mappings, one a start.
+            given: None or `sampled`, `grid:D:N` or `unclipped_grid:D:N`, `spread:D`, a path of a
+                CSV file with states as columns, an array (starts, states), or one mapping per
+                start. A grid has N values per state from 1 - D to 1 + D times the steady state (0.3
+                and 10 by default), clipped to the box. A spread has scrambled Sobol points in the
+                box, its ends clipped to the bounds.
             env: the environment.
             episodes: how many spread starts.
             seed: of the scrambling.
@@ -130,7 +131,7 @@ def _table(path: Path, env: Env) -> Starts:
 
 
 def _warn(starts: Starts, env: Env) -> None:
-    """Say where a table has states outside of their bounds: most models end such an episode in its first step."""
+    """Warns of states of a table out of bounds, with which most episodes end in a step."""
     low, high = env.model.native.bounds("state")
     columns = np.transpose(np.asarray(starts.states))
     for name, values in zip(starts.names, columns, strict=True):

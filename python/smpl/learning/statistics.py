@@ -1,8 +1,9 @@
 """Statistics of returns: interquartile means, bootstrap intervals, probability of improvement.
 
-After Agarwal et al., Deep reinforcement learning at the edge of the statistical precipice (NeurIPS 2021), section 4:
-the interquartile mean discards the lowest and the highest quarter of the values; intervals are percentiles of
-bootstrap replicates; the probability of improvement is that of the Mann-Whitney statistic.
+After Agarwal et al., Deep reinforcement learning at the edge of the statistical precipice (NeurIPS
+2021), section 4. The interquartile mean discards the lowest and the highest quarter of the values.
+Intervals are percentiles of bootstrap replicates. The probability of improvement is that of the
+Mann-Whitney statistic.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def mean(values: FloatArray) -> FloatArray:
 
 
 def interquartile_mean(values: npt.ArrayLike) -> FloatArray:
-    """Mean of the middle half along the last axis: a quarter of the values is cut from each end, rounded down."""
+    """Mean of the middle half along the last axis; cuts a quarter at each end, rounded down."""
     array = np.asarray(values, dtype=np.float64)
     count = array.shape[-1]
     cut = count // 4
@@ -67,7 +68,7 @@ def bootstrap(
 
 
 def probability_of_improvement(values: npt.ArrayLike, others: npt.ArrayLike) -> float:
-    """Probability that one of `values` is larger than one of `others`, ties counted by half; NaN for none."""
+    """Probability that one of `values` exceeds one of `others`; ties count half; NaN if empty."""
     x, y = np.asarray(values, dtype=np.float64), np.sort(np.asarray(others, dtype=np.float64))
     if not x.size or not y.size:
         return float("nan")

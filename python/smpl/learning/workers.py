@@ -1,4 +1,4 @@
-"""Work on a plan in processes; a process that dies is replaced, and what it had in work is done again."""
+"""Work on a plan in processes; a failed process is replaced, and its work is repeated."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def spread(
 
 
 def _unguarded() -> str | None:
-    """The script that runs, if a new process, which imports it, would do all that it does; none otherwise."""
+    """The running script if a new process, which imports it, would run it again; else None."""
     main = sys.modules["__main__"]
     path = Path(str(getattr(main, "__file__", None) or ""))
     if getattr(main, "__spec__", None) is not None or path.suffix != ".py" or not path.is_file():
@@ -103,8 +103,8 @@ def _most() -> int:
 
 def _begin(sent: bytes) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # A fault is told with the first piece: one that is raised here would look as if the process had
-    # died.
+    # An error is reported with the first piece: one that is raised here would look as if the
+    # process had died.
     try:
         _SHARED[:] = [pickle.loads(sent)]
     except Exception as error:
@@ -120,7 +120,7 @@ def _end_with_parent() -> None:
 
 
 class _Unknown(str):
-    """Why what was sent cannot be made here."""
+    """Reason for which a piece cannot be unpickled here."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""The live page, from Python: a server in a process of its own."""
+"""The live page, from Python: a server in a separate process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Live:
         if not browser:
             command.append("--no-open")
         self._folder = folder
-        # A session of its own: what interrupts a cell of a notebook does not end the page.
+        # A new session, so that interrupting a cell of a notebook does not end the page.
         with tempfile.TemporaryFile("w+", encoding="utf-8") as errors:
             self._process = subprocess.Popen(
                 command,
@@ -82,7 +82,8 @@ def live(path: str | os.PathLike[str] | None = None, *, port: int = 0, browser: 
     """Open the live page: a model with its trajectories while it is written.
 
     Args:
-        path: an `.eq` file, a folder of models, or the name of a shipped model; the working folder by default.
+        path: an `.eq` file, a folder of models, or the name of a shipped model; the working folder
+            by default.
         port: port of 127.0.0.1; 0 picks a free one.
         browser: open the browser; else only the address is returned.
 
@@ -104,7 +105,7 @@ def live(path: str | os.PathLike[str] | None = None, *, port: int = 0, browser: 
 
 
 def live_of_model(model: Model, port: int, browser: bool) -> Live:
-    """The page on the file of a model; a model without a file gets one in a folder of its own."""
+    """The page on the file of a model; a model without a file gets one in a new folder."""
     path, source = model._arguments["path"], model._arguments["source"]
     if path is not None:
         return live(Path(path), port=port, browser=browser)

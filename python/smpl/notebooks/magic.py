@@ -19,7 +19,7 @@ _COLOURS = {"error": "#c0392b", "warning": "#b7791f"}
 
 
 def cell(line: str, text: str, shell: Any) -> None:
-    """Check the model of a cell, bind it to a name, and show it; a faulty one is shown with its diagnostics.
+    """Checks the model of a cell, binds it to a name, and shows it or its diagnostics.
 
     Raises:
         ValueError: the line is not a name.

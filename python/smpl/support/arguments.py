@@ -1,4 +1,4 @@
-"""What arguments are: checks that name the argument, what it is, and what is expected."""
+"""Checks of arguments; messages name the argument, its value and the expected one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 COUNTS = 2**32
 METHODS = ("ida", "rosenbrock", "explicit", "auto")
 
-# Kinds of arrays of NumPy that hold real numbers; texts, though some read as numbers, are none.
+# Kinds of NumPy arrays that hold real numbers; arrays of texts are refused.
 _NUMBERS = "fiub"
 
 
@@ -25,7 +25,8 @@ def as_vector(name: str, values: npt.ArrayLike, length: int) -> FloatArray:
     """`values` as a contiguous vector of doubles.
 
     Raises:
-        ValueError: the shape is not `(length,)`; the message names the argument, its shape and the expected one.
+        ValueError: the shape is not `(length,)`; the message names the argument, its shape and the
+            expected one.
     """
     array = as_numbers(name, values, f"({length},)")
     if array.shape != (length,):
@@ -37,7 +38,8 @@ def as_numbers(name: str, values: npt.ArrayLike, expected: str) -> FloatArray:
     """`values` as a contiguous array of doubles.
 
     Raises:
-        ValueError: they are no numbers, or masked; the message names the argument and the shape that it should have.
+        ValueError: they are not numbers, or masked; the message names the argument and the expected
+            shape.
     """
     if type(values) is np.ndarray and values.dtype.kind in _NUMBERS:
         return np.ascontiguousarray(values, dtype=np.float64)
@@ -70,7 +72,7 @@ def as_finite_number(name: str, value: Any) -> float:
     """`value` as a finite double.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a finite number.
     """
     number = as_number(name, value)
     if not np.isfinite(number):
@@ -82,7 +84,7 @@ def as_number(name: str, value: Any) -> float:
     """`value` as a double.
 
     Raises:
-        ValueError: it is none; a text is none, and what is masked.
+        ValueError: it is not a number; texts and masked values are not numbers.
     """
     try:
         if isinstance(value, (str, bytes)) or np.ma.is_masked(value):
@@ -93,10 +95,10 @@ def as_number(name: str, value: Any) -> float:
 
 
 def as_flag(name: str, value: Any) -> bool:
-    """`value` as a truth value; numbers are none.
+    """`value` as a truth value; numbers are refused.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is neither True nor False.
     """
     if not isinstance(value, (bool, np.bool_)):
         raise ValueError(f"{name} is {shorten(value)}, expected True or False")
@@ -104,10 +106,10 @@ def as_flag(name: str, value: Any) -> bool:
 
 
 def as_mapping(name: str, value: Any) -> Mapping[str, Any]:
-    """`value` as a mapping from names; none is an empty one.
+    """`value` as a mapping from names; None is an empty mapping.
 
     Raises:
-        ValueError: it is none, or has keys that are no texts.
+        ValueError: it is not a mapping, or has keys that are not texts.
     """
     if value is None:
         return {}
@@ -122,10 +124,10 @@ def as_mapping(name: str, value: Any) -> Mapping[str, Any]:
 def as_count(
     name: str, value: Any, least: int = 1, expected: str = "a positive integer", below: int | None = None
 ) -> int:
-    """`value` as an integer of at least `least`, and below another one if that is given; a truth value is none.
+    """`value` as an integer from `least` to below `below`; truth values are refused.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not such an integer.
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
         raise ValueError(f"{name} is {shorten(value)}, expected {expected}")
@@ -135,19 +137,19 @@ def as_count(
 
 
 def shorten(value: Any, most: int = 60) -> str:
-    """How a value is written in a message: cut off where it is long."""
+    """Text of a value in a message, cut off if it is long."""
     text = repr(value)
     return text if len(text) <= most else f"{text[:most]}..."
 
 
 def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> dict[str, float]:
-    """Values of parameters by flattened names: an array that is named as a whole gives one or each of its elements.
+    """Values of parameters by flattened names; an array has one value, or one per element.
 
     Raises:
         ValueError: an unknown name, or a wrong number of values.
     """
     values: dict[str, float] = {}
-    # What is said of a single element holds, wherever it stands.
+    # The value of a single element replaces that of its array, in any order.
     for name in sorted(given, key=lambda name: (name in model.parameter_names, name)):
         elements = model.native.elements_of(name) if isinstance(name, str) else []
         if not elements:
@@ -213,7 +215,7 @@ def check_within(what: str, ends: tuple[float, float], name: str, model: Model) 
 
 
 def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[str, str]:
-    """Names of single elements, the elements of whole arrays among them, each with the name that stands for it.
+    """Names of elements, with those of whole arrays, each with the name that includes it.
 
     Raises:
         ValueError: an unknown name, or one element twice.
@@ -232,7 +234,7 @@ def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[
 
 def _listing(names: list[str], most: int = 60) -> str:
     if not names:
-        return "there are none"
+        return "there are no names"
     shown = ", ".join(names[:most])
     return f"there are: {shown}" + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
@@ -259,7 +261,7 @@ def check_limit(max_steps: int | None) -> int | None:
     """The time limit if it is one.
 
     Raises:
-        ValueError: it is no positive integer.
+        ValueError: it is not a positive integer.
     """
     if max_steps is None:
         return None

@@ -34,5 +34,5 @@ class Clock:
         self._end = time.perf_counter() + limit
 
     def over(self) -> bool:
-        """Whether the limit is reached."""
+        """True if the limit is reached."""
         return time.perf_counter() > self._end

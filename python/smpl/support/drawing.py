@@ -27,7 +27,7 @@ def of_model(model: Model, show: str | Sequence[str] = ()) -> Picture:
 
 
 def model_as_html(model: Model) -> str:
-    """What a model shows of itself in a notebook: text, names with units, an episode."""
+    """View of a model in a notebook: text, names with units, an episode."""
     roles = ("action", "observation", "state", "algebraic", "discrete", "reward")
     rows = "".join(_row(model, role) for role in roles)
     title = html.escape(f"{model.name}: {model.text}" if model.text else model.name)

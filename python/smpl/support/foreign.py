@@ -1,4 +1,4 @@
-"""Detection of the distribution `smpl` of the package index, another project, which also imports as `smpl`."""
+"""Detection of another project that is also distributed and imported as `smpl`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ def check(folder: Path | None = None) -> None:
         folder: the package's folder; that of this file by default.
 
     Raises:
-        ImportError: the folder has files of the distribution `smpl`; the message has the commands that separate them.
+        ImportError: the folder has files of the distribution `smpl`; the message has the commands
+            that separate them.
     """
     folder = Path(__file__).parents[1] if folder is None else folder
     if any((folder / name).is_file() for name in _MARKS):

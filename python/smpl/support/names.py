@@ -36,7 +36,7 @@ class Named:
     reward_units: Names
 
     def _take_names(self, native: _native.Model) -> None:
-        """Have the names and units of a compiled model; they are fetched when they are first asked for."""
+        """Takes the names and units of a compiled model, fetched at their first use."""
         self._named = native
 
     def _share_names(self, other: Named) -> None:

@@ -39,7 +39,8 @@ def load(module: str, purpose: str) -> Any:
         The module.
 
     Raises:
-        ImportError: the package is missing, and the message has the command that installs it; or it cannot be imported.
+        ImportError: the package is missing, and the message has the command that installs it; or it
+            cannot be imported.
 
     Example:
         >>> load("math", "this example").sqrt(4.0)

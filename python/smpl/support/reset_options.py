@@ -19,17 +19,18 @@ _STARTS = ("sampled", "nominal", "steady")
 
 
 def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _native.Start | None:
-    """What the options of `reset` say about the start of an episode.
+    """Options of `reset` for the start of an episode.
 
     Args:
         model: the model that the names belong to.
-        options: `state` (mapping from names of states, and of algebraic variables whose guesses it gives, or array in
-            the order of states), `discrete`, `parameters` (mappings; an
-            array of parameters by its name, with one value or one for each element, or element by element),
-            `disturbances` (name -> one value a step, or one number for all), `hold_disturbances` (the last value holds
-            where a record has ended; otherwise a step beyond it is an error), `start` (`sampled`, `nominal` or
-            `steady`), `disturbance_seed` (of what is drawn after the start: disturbances, errors of measurements; the
-            seed of the reset if none).
+        options: see `OPTIONS`. `state` is an array in the order of states, or a mapping from names
+            of states and of algebraic variables (their initial guesses). `discrete` and
+            `parameters` are mappings; an array of parameters has one value, one for each element,
+            or is set element by element. `disturbances` maps names to one value per step or one
+            number; with `hold_disturbances` the last value holds after the end of a record, where a
+            step otherwise fails. `start` is `sampled`, `nominal` or `steady`. `disturbance_seed`
+            seeds what is drawn after the start (disturbances, errors of measurements); None for the
+            seed of the reset.
 
     Raises:
         ValueError: an unknown key or name, a wrong shape, or a value that is not a finite number.

@@ -8,7 +8,7 @@ from smpl.support.arguments import FloatArray
 
 
 def to_unit(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Values as numbers in [-1, 1]: unchanged where the bounds are open, 0 where they are one number."""
+    """Values scaled to [-1, 1]; unchanged with open bounds, 0 if the bounds coincide."""
     bounded = np.isfinite(low) & np.isfinite(high)
     a, b = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
     return np.where(b > a, (2 * values - (b + a)) / np.where(b > a, b - a, 1.0), 0.0 * values)

@@ -11,14 +11,14 @@ SEEDS = 2**64
 
 
 class SeedError(gymnasium.error.Error, ValueError):
-    """A seed that is no integer, or negative: Gymnasium's own error, and one of a value."""
+    """Error of a seed that is negative or not an integer: Gymnasium's error and a ValueError."""
 
 
 def check_seed(seed: Any) -> int | None:
     """The seed if it is one, or none. NumPy's integers become Python's: Gymnasium takes no others.
 
     Raises:
-        SeedError: it is no integer, or negative.
+        SeedError: it is negative or not an integer.
     """
     if seed is None:
         return None

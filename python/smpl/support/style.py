@@ -1,4 +1,4 @@
-"""Colours, type and number format of figures and reports, those of run pictures (`runtime/tools/src/picture`)."""
+"""Colours, type and number format of figures and reports, as in run pictures."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def colour(index: int) -> str:
 
 
 def dashes(index: int) -> str:
-    """Line style of the curve of that number: full for the first round of colours, then dashed and dotted."""
+    """Line style of a curve by its number: solid in the first round of colours, then dashed."""
     return ("-", "--", ":", "-.")[index // len(CURVES) % 4]
 
 
@@ -102,14 +102,14 @@ def heading(axis: Any, name: str, unit: str = "", note: str = "") -> None:
 
 
 def legend(figure: Any, axis: Any) -> None:
-    """Write the names of the curves of a panel in one line above all panels; nothing for a single curve."""
+    """Writes the names of several curves of a panel in one line above all panels."""
     handles, labels = axis.get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(len(labels), 5))
 
 
 def widen(set_scale: Any, values: Sequence[float], decades: int = 12) -> None:
-    """Where one controller is far below the others, decades in place of a scale on which these are one line."""
+    """Sets a symmetric logarithmic scale if one curve is far below the others."""
     sizes = np.abs(values)
     if not len(sizes):
         return
@@ -129,9 +129,10 @@ _PREFIXED = {
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number with that many significant digits: `0.659`, `1235`, and a power of ten for `2433073`.
+    """A number with so many significant digits: `0.659`, `1235`, `2.43e6`.
 
-    Integers are written in full below a million; a power of ten replaces more than six digits or four leading zeros.
+    Integers are written in full below a million; a power of ten replaces more than six digits or
+    four leading zeros.
     """
     if isinstance(value, int) and abs(value) < 10**6:
         return str(value).replace("-", _MINUS)
@@ -156,7 +157,7 @@ def plain(text: str) -> str:
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """A number with its unit and an SI prefix where that saves a power of ten: `4.96 µs`, `4.2 MJ/kg`."""
+    """A number with its unit and an SI prefix instead of a power of ten: `4.96 µs`, `4.2 MJ/kg`."""
     size = abs(value)
     written = typeset(unit)
     if size and math.isfinite(size) and not 1e-1 <= size < 1e4:
