@@ -112,7 +112,9 @@ def test_the_commands_and_the_script_of_the_page_on_learning_run(tmp_path: Path)
     written = "".join(blocks("docs/learning.md", "sh")).splitlines()
     # A cluster and the packages of the learners are not there; `test_cluster.py` and `test_learned.py` have theirs.
     # `test_benchmark_release.py` runs the releases.
-    lines = [line for line in written if not re.search(r"ray |--suite (all|online)|benchmark (tune|release)|--policy", line)]
+    lines = [
+        line for line in written if not re.search(r"ray |--suite (all|online)|benchmark (tune|release)|--policy", line)
+    ]
     assert len(lines) == 5
     for line in lines:
         _, *arguments = re.sub(r"--episodes \d+", "--episodes 8", line).split()

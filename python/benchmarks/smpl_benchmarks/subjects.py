@@ -196,8 +196,8 @@ def runs(
                     else:
                         settings = _of_ones_own(str(beside[one]), place, arguments) if one in beside else {}
                     about = (part, budget, name, one)
-                    chosen = tracks.RESIDUAL if part == "control" else track
-                    found += [_run(about, subject, number, settings, place, chosen) for number in range(count)]
+                    way = tracks.RESIDUAL if part == "control" else track
+                    found += [_run(about, subject, number, settings, place, way) for number in range(count)]
     for one in algorithms:
         one_of("algorithm", one, sorted(known))
     return found
