@@ -56,3 +56,10 @@ constraint effluent when S_1[4] > 4 [mg/L]
 fail state_box when outside bounds(S_1, S_2, S_3, O)
 episode { step = 1 [h], max_steps = 150, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/biofilm.eq`, against balances ----
+
+test "nitrogen is kept" {
+  start steady
+  expect S_1[4] + S_2[4] + S_3[4] within 1e-7 of 10
+}

@@ -50,3 +50,17 @@ constraint unused when S > 8 [g/L]
 fail washout when X < 0.5 [g/L]
 episode { step = 0.5 [h], max_steps = 400, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/bioreactor.eq`, against Henson and Seborg 1992 ----
+
+test "the published operating point" {
+  start steady
+  expect X within 0.05 of 6.0
+  expect S within 0.05 of 5.0
+  expect P within 0.02 of 19.14
+}
+test "a dilution above the growth rate washes the cells out" {
+  start nominal
+  D = 0.4 for 200 [h]
+  expect failure washout
+}

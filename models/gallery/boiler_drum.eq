@@ -47,3 +47,12 @@ fail trip_level when abs(L) > 1.5 [m]
 fail trip_pressure when outside bounds(P, rho)
 episode { step = 5 [s], max_steps = 300, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/boiler_drum.eq`, against Bell and Astrom 1987 ----
+
+test "operating point 4" {
+  start steady
+  expect P within 1e-3 of 108
+  expect E within 0.1 of 66.65
+  expect L within 0.02 of 0
+}

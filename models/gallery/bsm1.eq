@@ -224,3 +224,14 @@ when control = open { steady { Q_a = 55338, kLa5 = 84 } }
 initial x = value(steady(x))    for x in states
 episode { step = 15 [min], max_steps = 1344, error_reward = -1000 }
 solver  { rtol = 1e-6 }
+
+# ---- Tests: `smpl test models/gallery/bsm1.eq`, against Alex et al. 2008, open loop ----
+
+test "the published steady state" {
+  start steady
+  expect tank[5].c[X_BH] within 0.6 of 2559
+  expect tank[5].c[S_NO] within 0.05 of 10.4
+  expect tank[5].c[S_NH] within 0.005 of 1.73
+  expect settler.X[10] within 0.05 of 12.5
+  expect settler.X[1] within 0.6 of 6394
+}

@@ -65,3 +65,11 @@ fail off_specification when x[N] < 0.9 or x[1] > 0.1
 fail holdup when outside bounds(M)
 episode { step = 1 [min], max_steps = 600, error_reward = -1000 }
 solver  { rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/column_a.eq`, against Skogestad 1997 ----
+
+test "the published products" {
+  start steady
+  expect x[N] within 1e-6 of 0.99
+  expect x[1] within 1e-6 of 0.01
+}

@@ -43,3 +43,12 @@ constraint many when x_0 > 0.07
 fail state_box when outside bounds(x_0, x_1, x_2, x_3, y)
 episode { step = 0.1 [h], max_steps = 300, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/crystalliser.eq`, against Chiu and Christofides 1999 ----
+
+test "the published steady state, about which the crystals oscillate without control" {
+  start steady
+  expect x_0 within 6e-5 of 0.0471
+  expect x_3 within 6e-5 of 0.0102
+  expect y within 6e-5 of 0.5996
+}

@@ -47,3 +47,20 @@ constraint hot when T > 335 [K]
 fail runaway when T > 400 [K]
 episode { step = 0.25 [min], max_steps = 120, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/cstr.eq`, against Seborg, Edgar and Mellichamp ----
+
+test "half conversion at 350 K is near a steady state" {
+  start nominal
+  c_A = 0.5
+  T = 350
+  T_i = 350
+  c_Ai = 1
+  T_c = 300
+  expect steady within 1e-2
+}
+test "a colder jacket quenches the reactor" {
+  start nominal
+  T_c = 290 for 20 [min]
+  expect T < 330 [K]
+}

@@ -49,3 +49,10 @@ constraint impure when x[0] < 0.8
 fail off_specification when x[0] < 0.5
 episode { step = 1 [h], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/distillation.eq`, against balances ----
+
+test "the products contain the feed" {
+  start steady
+  expect 100*x[0] + 400*x[8] within 1e-8 of 500*0.2
+}

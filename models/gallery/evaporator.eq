@@ -64,3 +64,14 @@ constraint pressure when P_2 > 70 [kPa]
 fail state_box when outside bounds(L_2, X_2, P_2)
 episode { step = 1 [min], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/evaporator.eq`, against Newell and Lee 1989 ----
+
+test "the published steady state" {
+  start steady
+  expect X_2 within 0.11 of 25
+  expect P_2 within 0.11 of 50.5
+  expect T_2 within 0.11 of 84.6
+  expect F_4 within 0.11 of 8
+  expect T_201 within 0.11 of 46.1
+}

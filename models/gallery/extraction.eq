@@ -45,3 +45,10 @@ constraint lost when X[5] > 0.5 [kg/m^3]
 fail state_box when outside bounds(X, Y)
 episode { step = 0.1 [h], max_steps = 120, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/extraction.eq`, against balances ----
+
+test "what leaves the feed is in the solvent" {
+  start steady
+  expect 50*(0.6 [kg/m^3] - X[5]) within 1e-8 of 100*(Y[1] - 0.05 [kg/m^3])
+}

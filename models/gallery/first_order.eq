@@ -31,3 +31,14 @@ constraint input_high when abs(u) > 3
 fail state_box when outside bounds(x)
 episode { step = 0.1 [min], max_steps = 100, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/first_order.eq`, against the closed form ----
+
+test "the step response is an exponential" {
+  start nominal
+  x = 0
+  d = 0
+  u = 2
+  for 1 [min]
+  expect x within 1e-6 of 2*(1 - exp(-2))
+}

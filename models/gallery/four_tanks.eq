@@ -87,3 +87,21 @@ variant pcgym "tanks, pumps and valves of pc-gym" {
   param gamma_2 : 1          = 0.2  in 0..1    "share of pump 2 that flows into tank 2"
   episode { step = 15 [s] }
 }
+
+# ---- Tests: `smpl test models/gallery/four_tanks.eq`, against Johansson 2000 ----
+
+test "the minimum-phase point has the measured levels" {
+  start steady
+  expect h_1 within 0.21 of 12.4
+  expect h_2 within 0.21 of 12.7
+  expect h_3 within 0.21 of 1.8
+  expect h_4 within 0.21 of 1.4
+}
+test "and so has the nonminimum-phase point" {
+  variant nonminimum_phase
+  start steady
+  expect h_1 within 0.21 of 12.6
+  expect h_2 within 0.21 of 13.0
+  expect h_3 within 0.21 of 4.8
+  expect h_4 within 0.21 of 4.9
+}

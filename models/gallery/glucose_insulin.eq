@@ -47,3 +47,11 @@ constraint hyper when G > 10 [mmol/L]
 fail coma when G < 1.5 [mmol/L]
 episode { step = 5 [min], max_steps = 288, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/glucose_insulin.eq`, against Bergman 1981 ----
+
+test "the basal infusion holds the patient" {
+  start steady
+  expect G within 1e-3 of 4.5
+  expect I within 1e-6 of 0.015
+}

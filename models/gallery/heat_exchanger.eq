@@ -51,3 +51,10 @@ constraint hot when T_s[1] > 80 [degC]
 fail state_box when outside bounds(T_t, T_m, T_s)
 episode { step = 2 [s], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/heat_exchanger.eq`, against balances ----
+
+test "the heat that one side loses warms the other" {
+  start steady
+  expect 90 [degC] - T_t[8] within 1e-6 of T_s[1] - 20 [degC]
+}

@@ -52,3 +52,13 @@ constraint short_chains when mass < 15000 [kg/kmol]
 fail state_box when outside bounds(C_m, C_I, D_0, D_1)
 episode { step = 0.03 [h], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/mma.eq`, against Doyle, Ogunnaike and Pearson 1995 ----
+
+test "the published operating point" {
+  start steady
+  expect C_m within 1e-5 of 5.506774
+  expect C_I within 2e-6 of 0.132906
+  expect D_0 within 1e-7 of 0.0019752
+  expect D_1 within 5e-4 of 49.38182
+}

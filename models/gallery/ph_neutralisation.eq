@@ -53,3 +53,11 @@ constraint alkaline when pH > 8
 fail state_box when outside bounds(W_a, W_b, h)
 episode { step = 15 [s], max_steps = 200, error_reward = -1000 }
 solver  { rtol = 1e-9 }
+
+# ---- Tests: `smpl test models/gallery/ph_neutralisation.eq`, against Henson and Seborg 1994 ----
+
+test "the published operating point" {
+  start steady
+  expect pH within 0.05 of 7.0
+  expect h within 0.05 of 14.0
+}

@@ -34,3 +34,15 @@ constraint fast when abs(x_2) > 1 [1/min]
 fail state_box when outside bounds(x_1, x_2)
 episode { step = 0.1 [min], max_steps = 120, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/second_order.eq`, against the closed form ----
+
+test "the step response is half a squared exponential" {
+  start nominal
+  x_1 = 0
+  x_2 = 0
+  d = 0
+  u = 1
+  for 1 [min]
+  expect x_1 within 1e-6 of 0.5*sq(1 - exp(-1))
+}

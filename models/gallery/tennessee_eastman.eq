@@ -553,3 +553,29 @@ variant pi "19 loops move the valves; the actions are the set-points of an opera
   observe a_purge[i] in 0..100 every 120 delay 120 noise normal(0, sd_purge[i]) for i in species
   observe a_product[i] in 0..100 every 300 delay 300 noise normal(0, sd_product[i]) for i in seen_product
 }
+
+# ---- Tests: `smpl test models/gallery/tennessee_eastman.eq`, against Downs and Vogel 1993, and their program ----
+
+test "pressure, temperature and cost of the base case" {
+  start nominal
+  expect p_reactor within 0.5 of 2705
+  expect T[reactor] within 0.05 of 120.4
+  expect cost within 0.2 of 170.27
+}
+test "without control the pressure shuts the plant down at 3.587 h" {
+  start nominal
+  steps 215
+  expect p_reactor < 3000 [kPa]
+  steps 1
+  expect failure reactor_pressure
+}
+test "the loops hold the plant until the feed of A is lost: it shuts down at 6.892 h" {
+  variant pi
+  start nominal
+  fault_6 = 1
+  t_fault = 1
+  for 6.88 [h]
+  expect p_reactor < 3000 [kPa]
+  for 72 [s]
+  expect failure
+}

@@ -68,3 +68,13 @@ constraint hot when T > 120 [degC]
 fail state_box when outside bounds(c_A, c_B, T, T_K)
 episode { step = 0.005 [h], max_steps = 200, error_reward = -1000 }
 solver  { method = auto, rtol = 1e-8 }
+
+# ---- Tests: `smpl test models/gallery/van_de_vusse.eq`, against Klatt and Engell 1998 ----
+
+test "the published operating point" {
+  start steady
+  expect c_A within 5e-3 of 2.14
+  expect c_B within 5e-3 of 1.09
+  expect T within 0.05 of 114.2
+  expect T_K within 0.05 of 112.9
+}
