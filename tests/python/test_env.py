@@ -111,8 +111,8 @@ def test_given_parameters_hold_for_one_episode(reactor):
         ({"states": {}}, "state"),
         ({"state": {"c_B": 1.0}}, "c_A, T, h"),
         ({"parameters": {"V_1": 1.0}}, "V_0"),
-        ({"discrete": {"n": 1.0}}, "none"),
-        ({"disturbances": {"w": [1.0]}}, "none"),
+        ({"discrete": {"n": 1.0}}, "there are no names"),
+        ({"disturbances": {"w": [1.0]}}, "there are no names"),
         ({"start": "cold"}, "sampled, nominal, steady"),
     ],
 )
