@@ -125,6 +125,7 @@ fn named_after(file: &str) -> String {
 fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
     structure::drop_unused_delays(&mut model, &mut equations);
+    structure::approximate_delays(&mut model, &mut equations)?;
     structure::settle_repeats(&mut model, &mut equations);
     structure::cut_at_parts(&mut model, &mut equations);
     if runs {

@@ -146,7 +146,7 @@ class Model:
         parameters: Sequence[tuple[str, FloatArray]],
         discrete: Sequence[tuple[str, FloatArray]],
         disturbances: Sequence[tuple[str, FloatArray]],
-        size: tuple[int, int],
+        size: tuple[int, int, int],
         key: tuple[list[tuple[str, int]], int, int | None, str | None],
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
     def rollout(

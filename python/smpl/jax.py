@@ -22,6 +22,7 @@ from smpl.analysis.layer import (
     chained_rewards,
     check_last_axis,
     horizon_of,
+    with_past,
 )
 from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
@@ -80,14 +81,19 @@ def step(
         jax.grad(lambda u: smpl.jax.step(model, x, u)[1])(u)    # of the temperature
     """
     jax = load("jax", "smpl.jax")
-    layer, columns = arranged(
-        model, p, parameters, lambda one: _is_array(jax, one), outputs=outputs, method=method, threads=threads
-    )
+    options = {"outputs": outputs, "method": method, "threads": threads, "horizon": 1}
+    return _steps(jax, (model, x, u, p, parameters), options, keep, first_step)
+
+
+def _steps(jax: Any, arguments: tuple[Any, ...], options: dict[str, Any], keep: bool, first_step: Any) -> Any:
+    """The steps of a layer; `arguments` are model, `x`, `u`, `p` and the names of its columns."""
+    model, x, u, p, parameters = arguments
+    layer, columns = arranged(model, p, parameters, lambda one: _is_array(jax, one), **options)
     if not isinstance(first_step, jax.core.Tracer):
-        check_first_step(first_step, 1)
+        check_first_step(first_step, layer.horizon)
     x, u = jax.numpy.asarray(x), jax.numpy.asarray(u)
-    check_last_axis("x", x, len(model.state_names))
-    check_last_axis("u", u, len(model.action_names))
+    check_last_axis("x", x, layer.columns[0])
+    check_last_axis("u", u, layer.columns[1])
     kind = jax.numpy.promote_types(x.dtype, jax.numpy.float32)
     given = [jax.numpy.asarray(one, dtype=kind) for one in columns]
     batch = np.broadcast_shapes(x.shape[:-1], u.shape[:-1], *(one.shape for one in given))
@@ -119,7 +125,8 @@ def rollout(
     keeps.
 
     Args:
-        model: a compiled model, without a memory other than its states.
+        model: a compiled model, without a memory other than its states. One with dead times is integrated with its
+            derivatives over all steps at once: `actions` is an array then, and `checkpoint` has no effect.
         x: states at the start, (..., states).
         actions: (..., H, actions) in physical units; or a policy, called with the states and the
             number of the step, which returns actions (..., actions).
@@ -136,6 +143,17 @@ def rollout(
     columns = chained_rewards(model, rewards)
     horizon = horizon_of(model, actions, steps)
     check_first_step(first_step, horizon)
+    if model.delays:
+        given = jax.numpy.asarray(with_past(model, actions))
+        whole = {"outputs": True, "method": method, "threads": threads, "horizon": horizon}
+        flat = given.reshape(*given.shape[:-2], -1)
+        parts = _steps(jax, (model, x, flat, p, parameters), whole, True, first_step)
+        after, gains, observations = (one[..., None, :] if horizon == 1 else one for one in parts)
+        batch = after.shape[:-2]
+        start = jax.numpy.broadcast_to(jax.numpy.asarray(x), batch + after.shape[-1:])[..., None, :]
+        chosen = jax.numpy.broadcast_to(given, batch + given.shape[-2:])
+        gains = gains[..., jax.numpy.array(columns, dtype=int)]
+        return Trajectory(jax.numpy.concatenate([start, after], axis=-2), chosen, gains, observations)
     options: dict[str, Any] = {
         "parameters": parameters,
         "outputs": True,
@@ -190,7 +208,7 @@ def _function(layer: Layer, keep: bool) -> Any:
         return values, tuple(kept)
 
     def backward(kept: tuple[Array, ...], after: Array) -> tuple[Any, ...]:
-        shapes = len(layer.model.state_names), len(layer.model.action_names), len(layer.names)
+        shapes = layer.columns
         if isinstance(after, jax.custom_derivatives.SymbolicZero):
             return None, None, None, None
         if not keep:
@@ -209,8 +227,11 @@ def _function(layer: Layer, keep: bool) -> Any:
 
 
 def _called(jax: Any, layer: Layer, by: Any, x: Array, u: Array, q: Array, first: Array) -> Any:
-    """Values and Jacobians of points with any leading axes, computed on the host."""
-    sizes = [] if by is None else [s if wanted else 0 for s, wanted in zip(_columns(layer), by, strict=True)]
+    """Values and Jacobians of points with any leading axes, computed on the host.
+
+    Without `by` values alone.
+    """
+    sizes = [] if by is None else [s if wanted else 0 for s, wanted in zip(layer.columns, by, strict=True)]
     batch, width = x.shape[:-1], layer.width
     shapes = [(*batch, width), *((*batch, width, size) for size in sizes)]
     result = [jax.ShapeDtypeStruct(shape, x.dtype) for shape in shapes]
@@ -219,10 +240,6 @@ def _called(jax: Any, layer: Layer, by: Any, x: Array, u: Array, q: Array, first
         return _on_host(layer, by, x.dtype, *map(np.asarray, given))
 
     return jax.pure_callback(host, result, x, u, q, first, vmap_method="broadcast_all")
-
-
-def _columns(layer: Layer) -> tuple[int, int, int]:
-    return len(layer.model.state_names), len(layer.model.action_names), len(layer.names)
 
 
 def _on_host(layer: Layer, by: By | None, kind: Any, x: Any, u: Any, q: Any, first: Any) -> list[Any]:

@@ -16,11 +16,12 @@ import numpy.typing as npt
 from smpl import _native
 from smpl.analysis.adjoint import EpisodeGradient, gradient
 from smpl.analysis.rollout import Rollout, rollout
-from smpl.analysis.sensitivity import StepDerivatives, linearize_step
+from smpl.analysis.sensitivity import StepDerivatives, linearize_rollout, linearize_step
 from smpl.analysis.step import Step
 from smpl.notebooks.live import Live, live_of_model
 from smpl.support.arguments import (
     FloatArray,
+    as_count,
     as_finite,
     as_finite_number,
     as_mapping,
@@ -183,6 +184,25 @@ class Model(Named):
         """The model compiled with other arguments of `smpl.compile`, as `observation="full"`."""
         return compile(**{**self._arguments, **changes})
 
+    def with_pade(self, order: int) -> Model:
+        """The same model with Padé approximations of this order, 1 to 5, in place of dead times.
+
+        States of the approximations follow those of the model. The setting `pade` does the same anywhere.
+
+        Raises:
+            ValueError: another order.
+            CompileError: a delay reads algebraic variables and has no value before the start.
+        """
+        number = as_count("pade", order, below=6)
+        if not self.delays:
+            return self
+        settings = {**(self._arguments.get("settings") or {}), "pade": number}
+        return self._approximations.setdefault(number, self.variant_of(settings=settings))
+
+    @cached_property
+    def _approximations(self) -> dict[int, Model]:
+        return {}
+
     @cached_property
     def unknown_names(self) -> tuple[str, ...]:
         """Names of the elements of `y`: states, then solved algebraic variables."""
@@ -314,7 +334,12 @@ class Model(Named):
         return self.native.trim(self._u(given), self._given(p), held, found, begin)
 
     def linearize(
-        self, y: npt.ArrayLike, u: npt.ArrayLike, p: Mapping[str, float] | None = None
+        self,
+        y: npt.ArrayLike,
+        u: npt.ArrayLike,
+        p: Mapping[str, float] | None = None,
+        *,
+        pade: int | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
 
@@ -323,12 +348,34 @@ class Model(Named):
         `previous(x)`, `steady(x)`) are constant as for `residual`; `linearize_step` has the
         derivatives of a whole step, in which they change.
 
+        A model with dead times needs the order of their Padé approximations, `pade`, 1 to 5: the states of these follow
+        those of the model in A, B and C (`with_pade(pade).state_names`), and rest at the point.
+
         Raises:
+            SimulationError: the algebraic equations are singular there, or `pade` is missing.
             ValueError: as for `residual`; also if an element of `y` is not finite, or a value of
                 `p` exceeds its bounds.
         """
         given = self._within(self._given(p))
-        return self.native.linearize(as_finite("y", y, len(self.unknown_names)), self._u(u), given)
+        point = as_finite("y", y, len(self.unknown_names))
+        if pade is not None and self.delays:
+            approximate = self.with_pade(pade)
+            return approximate.native.linearize(approximate._rested(self, point, u, p), self._u(u), given)
+        return self.native.linearize(point, self._u(u), given)
+
+    def _rested(self, exact: Model, y: FloatArray, u: npt.ArrayLike, p: Mapping[str, float] | None) -> FloatArray:
+        """A point of a model with dead times, with the approximations of these at rest, by Newton's method."""
+        known = dict(zip(exact.unknown_names, y.tolist(), strict=True))
+        point = np.array([known.get(name, 0.0) for name in self.unknown_names])
+        free = np.array([name not in exact.state_names for name in self.unknown_names])
+        for _ in range(50):
+            rows = self.residual(0.0, point, np.zeros(len(point)), u, p)[free]
+            matrix = self.jacobian(0.0, point, np.zeros(len(point)), u, 0.0, p).toarray()[free][:, free]
+            change = np.linalg.solve(matrix, rows)
+            point[free] -= change
+            if np.abs(change).max(initial=0.0) <= 1e-12 * np.abs(point[free]).max(initial=1e-300):
+                break
+        return point
 
     def rollout(
         self,
@@ -448,6 +495,55 @@ class Model(Named):
             parameters=parameters,
             discrete=discrete,
             disturbances=disturbances,
+            method=method,
+            threads=threads,
+            first_step=first_step,
+        )
+
+    def linearize_rollout(
+        self,
+        x: npt.ArrayLike,
+        actions: npt.ArrayLike,
+        p: Mapping[str, npt.ArrayLike] | None = None,
+        *,
+        by: Sequence[str] = ("state", "action"),
+        parameters: Iterable[str] = (),
+        discrete: Iterable[str] = (),
+        method: str | None = None,
+        threads: int | None = None,
+        first_step: int = 0,
+    ) -> StepDerivatives:
+        """Several control steps with the exact derivatives of states, rewards and observations after each.
+
+        What a model remembers besides its states is part of it: dead times, discrete variables, earlier values. The
+        past before the first step is that of a reset to `x`.
+
+        Args:
+            x: states at the start, (states,) or (N, states).
+            actions: (H, actions) or (N, H, actions), physical units.
+            p: parameters and discrete variables by name, as for `step`; disturbances with one value a step.
+            by: `"state"`, `"action"`, or both. Columns of actions are those of the first step, then of the next.
+            parameters, discrete, method, threads, first_step: as for `linearize_step`.
+
+        Returns:
+            `StepDerivatives` with an axis of H steps: `dx_du` has shape (H, states, H * actions).
+
+        Raises:
+            ValueError: as for `step`.
+            SimulationError: a step does not come to its end, or has no derivative.
+
+        Example:
+            found = model.linearize_rollout(x, actions, parameters=["theta"])
+            found.dx_dp[:, 0, 0]    # of the first state after each step by the dead time
+        """
+        return linearize_rollout(
+            self,
+            x,
+            actions,
+            p,
+            by=by,
+            parameters=parameters,
+            discrete=discrete,
             method=method,
             threads=threads,
             first_step=first_step,

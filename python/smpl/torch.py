@@ -23,6 +23,7 @@ from smpl.analysis.layer import (
     chained_rewards,
     check_last_axis,
     horizon_of,
+    with_past,
 )
 from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
@@ -82,16 +83,21 @@ def step(
         smpl.torch.step(model, x, u)[1].backward()    # u.grad: of the temperature
     """
     torch = load("torch", "smpl.torch")
-    layer, columns = arranged(
-        model, p, parameters, lambda one: _is_array(torch, one), outputs=outputs, method=method, threads=threads
-    )
-    first = check_first_step(first_step, 1)
+    options = {"outputs": outputs, "method": method, "threads": threads, "horizon": 1}
+    return _steps(torch, (model, x, u, p, parameters), options, keep, first_step)
+
+
+def _steps(torch: Any, given: tuple[Any, ...], options: dict[str, Any], keep: bool, first_step: int) -> Any:
+    """The steps of a layer; `given` are model, `x`, `u`, `p` and the names of its columns."""
+    model, x, u, p, parameters = given
+    layer, columns = arranged(model, p, parameters, lambda one: _is_array(torch, one), **options)
+    first = check_first_step(first_step, layer.horizon)
     states, actions = (_tensor(torch, name, one) for name, one in (("x", x), ("u", u)))
-    check_last_axis("x", states, len(model.state_names))
-    check_last_axis("u", actions, len(model.action_names))
-    given = [_tensor(torch, f"p[{name!r}]", one) for name, one in zip(layer.names, columns, strict=True)]
-    batch = _batch(torch, layer.names, states, actions, given)
-    q = [one.to(states).expand(batch) for one in given]
+    check_last_axis("x", states, layer.columns[0])
+    check_last_axis("u", actions, layer.columns[1])
+    named = [_tensor(torch, f"p[{name!r}]", one) for name, one in zip(layer.names, columns, strict=True)]
+    batch = _batch(torch, layer.names, states, actions, named)
+    q = [one.to(states).expand(batch) for one in named]
     rows = torch.stack(q, dim=-1) if q else states.new_zeros((*batch, 0))
     inputs = [_flat(one, batch) for one in (states, actions.to(states), rows)]
     values = _apply(torch, layer, as_flag("keep", keep), first, inputs)
@@ -119,7 +125,8 @@ def rollout(
     Jacobians. `checkpoint` also drops what a policy keeps, except at the beginning of each section.
 
     Args:
-        model: a compiled model, without a memory other than its states.
+        model: a compiled model, without a memory other than its states. One with dead times is integrated with its
+            derivatives over all steps at once: `actions` is a tensor then, and `checkpoint` has no effect.
         x: states at the start, (..., states).
         actions: (..., H, actions) in physical units; or a policy, called with the states and the
             number of the step, which returns actions (..., actions).
@@ -141,6 +148,14 @@ def rollout(
     columns = chained_rewards(model, rewards)
     horizon = horizon_of(model, actions, steps)
     check_first_step(first_step, horizon)
+    if model.delays:
+        plan = _tensor(torch, "actions", with_past(model, actions))
+        whole = {"outputs": True, "method": method, "threads": threads, "horizon": horizon}
+        found = _steps(torch, (model, x, plan.flatten(-2), p, parameters), whole, True, first_step)
+        after, gains, observations = (one.unsqueeze(-2) if horizon == 1 else one for one in found)
+        start = _tensor(torch, "x", x).to(after).expand(after.shape[:-2] + after.shape[-1:])
+        wide = plan.to(after).expand(*after.shape[:-2], *plan.shape[-2:])
+        return Trajectory(torch.cat([start.unsqueeze(-2), after], dim=-2), wide, gains[..., columns], observations)
     options: dict[str, Any] = {
         "parameters": parameters,
         "outputs": True,

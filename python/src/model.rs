@@ -376,7 +376,8 @@ impl Model {
         request.run(py, rollouts)
     }
 
-    /// Steps from states with their derivatives; `size` is (points, steps that count as completed).
+    /// Steps from states with their derivatives; `size` is (points, steps that count as completed,
+    /// steps from each).
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
     fn sensitivity<'py>(
         &self,
@@ -386,7 +387,7 @@ impl Model {
         parameters: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         discrete: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
-        size: (usize, u32),
+        size: (usize, u32, usize),
         key: sensitivity::Key,
     ) -> PyResult<sensitivity::Results<'py>> {
         let request = sensitivity::Request::new(&states, &actions, [&parameters, &discrete, &disturbances], size);

@@ -19,7 +19,7 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
 type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
 
-/// States, rewards, observations; their derivatives, rows by directions.
+/// States, rewards, observations, a row a step of each point; their derivatives, rows by directions.
 pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
 
 /// Settings of a computation: directions by role and number in declaration order, threads, time
@@ -36,7 +36,13 @@ pub fn make(key: &Key, setup: &Arc<Setup>) -> PyResult<Sensitivities> {
     guarded(|| Sensitivities::new(setup, directions, key.1))?.map_err(|e| error(&e))
 }
 
+/// A direction; actions of later steps are counted behind those of the first one.
 fn direction(catalogue: &Catalogue, role: Role, index: usize) -> PyResult<Direction> {
+    let (width, missing) = (catalogue.actions.len(), || PyValueError::new_err(format!("there is no {} {index}", role.name())));
+    if role == Role::Action && index >= width {
+        let element = catalogue.actions.elements().get(index % width.max(1)).ok_or_else(missing)?;
+        return Ok(Direction::ActionIn(index / width, element.at));
+    }
     let make = match role {
         Role::State => Direction::State,
         Role::Action => Direction::Action,
@@ -45,7 +51,6 @@ fn direction(catalogue: &Catalogue, role: Role, index: usize) -> PyResult<Direct
         Role::Disturbance => Direction::Disturbance,
         Role::Solved | Role::Algebraic => return Err(role_error(role.name())),
     };
-    let missing = || PyValueError::new_err(format!("there is no {} {index}", role.name()));
     Ok(make(role.family(catalogue).elements().get(index).ok_or_else(missing)?.at))
 }
 
@@ -57,6 +62,7 @@ pub struct Request {
     named: [Vec<(String, Vec<f64>)>; 3],
     count: usize,
     first_step: u32,
+    horizon: usize,
 }
 
 impl Request {
@@ -65,11 +71,11 @@ impl Request {
         states: &PyReadonlyArrayDyn<'_, f64>,
         actions: &PyReadonlyArrayDyn<'_, f64>,
         named: [&Named<'_>; 3],
-        (count, first_step): (usize, u32),
+        (count, first_step, horizon): (usize, u32, usize),
     ) -> Self {
         let values = |array: &PyReadonlyArrayDyn<'_, f64>| array.as_array().iter().copied().collect::<Vec<f64>>();
         let named = named.map(|named| named.iter().map(|(name, array)| (name.clone(), values(array))).collect());
-        Self { states: values(states), actions: values(actions), named, count, first_step }
+        Self { states: values(states), actions: values(actions), named, count, first_step, horizon: horizon.max(1) }
     }
 
     /// Computes without the interpreter lock, into new arrays.
@@ -77,12 +83,13 @@ impl Request {
         let interface = setup.model().interface();
         let (n, rewards, observations) =
             (setup.catalogue.states.len(), interface.finish.rewards.len(), interface.finish.observations.len());
-        let (count, directions) = (self.count, sensitivities.directions().len());
-        let mut values = [n, rewards, observations].map(|width| Fresh::matrix(py, count, width));
-        let mut derivatives = [n, rewards, observations].map(|width| Fresh::cube(py, [count, width, directions]));
+        let (rows, directions) = (self.count * self.horizon, sensitivities.directions().len());
+        let mut values = [n, rewards, observations].map(|width| Fresh::matrix(py, rows, width));
+        let mut derivatives = [n, rewards, observations].map(|width| Fresh::cube(py, [rows, width, directions]));
         let given = |at: usize| self.named[at].iter().map(|(name, values)| (name.clone(), values.as_slice())).collect();
         let plan = Plan {
-            count,
+            count: self.count,
+            horizon: self.horizon,
             states: &self.states,
             actions: &self.actions,
             parameters: given(0),

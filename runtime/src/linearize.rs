@@ -40,7 +40,7 @@ pub enum LinearizeError {
         part: &'static str,
     },
     /// An expression reads the past: no finite number of states describes it.
-    #[error("`{delay}` has no finite linearisation: replace the dead time by a chain of first-order lags")]
+    #[error("`{delay}` has no finite linearisation: take a Padé approximation of it, of order 2 by `pade=2`")]
     Delay {
         /// The call.
         delay: String,

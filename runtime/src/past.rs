@@ -6,6 +6,7 @@
 //! longer than the shortest dead time, so that what it reads is known.
 
 mod marks;
+pub(crate) mod moved;
 mod record;
 
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,9 @@ const KINK: f64 = 100.0;
 
 /// Part of a dead time over which a rate is looked at.
 const AHEAD: f64 = 1e-7;
+
+/// The first part of a step in which a value may be looked at instead of at its beginning.
+const FIRST: f64 = 1e-3;
 
 /// Part of a dead time by which a time may exceed what is recorded.
 const SLACK: f64 = 1e-9;
@@ -99,6 +103,10 @@ pub(crate) struct Past {
     /// The break that the integration is about to cross, and the one that it has crossed last.
     coming: Option<f64>,
     crossed: Option<f64>,
+    /// Element whose value jumps where the last integration began, and how far behind that values
+    /// are looked at, where they jump just behind it.
+    jumped: Option<usize>,
+    ahead: f64,
     /// The shortest and the longest dead time.
     shortest: f64,
     longest: f64,
@@ -139,6 +147,8 @@ impl Past {
             distinct: Vec::with_capacity(width),
             coming: None,
             crossed: None,
+            jumped: None,
+            ahead: 0.0,
             shortest: f64::INFINITY,
             longest: 0.0,
             values: numbers(width),
@@ -268,13 +278,7 @@ impl Past {
     pub(crate) fn record_start(&mut self, model: &CompiledModel, memory: &mut Memory, at: Point<'_>, rtol: f64) -> Result<(), PastError> {
         self.start();
         let change = self.fill_present(model, memory, at);
-        let named = |element: usize| {
-            let mut ends = model.model().delays.iter().scan(0, |end, delay| {
-                *end += delay.count as usize;
-                Some((*end, delay.name.clone()))
-            });
-            ends.find(|&(end, _)| element < end).map_or_else(String::new, |(_, name)| name)
-        };
+        let named = |element: usize| name_of(model, element);
         if let Some(element) = (0..self.values.len()).find(|&element| change > rtol || !self.values[element].is_finite()) {
             return Err(PastError::Start { delay: named(element) });
         }
@@ -320,8 +324,9 @@ impl Past {
                 break;
             }
             let mut samples = std::mem::take(&mut self.samples);
+            let first = if from == begin { self.ahead.min(FIRST * (to - from)) } else { 0.0 };
             for (node, out) in nodes().into_iter().zip(samples.chunks_exact_mut(width)) {
-                value(self, if node == 1.0 { to } else { from + node * (to - from) }, out);
+                value(self, if node == 1.0 { to } else { from + first.max(node * (to - from)) }, out);
             }
             let behind = self.crossed.take().filter(|at| *at <= from).unwrap_or(from);
             self.kept.record.push(behind, (from, to), &samples);
@@ -334,6 +339,7 @@ impl Past {
             }
             from = to;
         }
+        self.ahead = 0.0;
     }
 
     /// An integration begins at a time and state, which may not be consistent yet: what was
@@ -344,6 +350,7 @@ impl Past {
         }
         self.crossed = self.coming.take();
         self.kept.record.cut(at.t);
+        self.kept.record.forget_short(SLACK * self.shortest);
         if self.held {
             model.lags(memory, at.t, at.y, at.yp, &mut self.other);
             let each = self.changes.iter().zip(&self.other).zip(&mut self.kept.lags);
@@ -370,21 +377,29 @@ impl Past {
         let mut values = std::mem::take(&mut self.values);
         model.delayed(memory, at.t, at.y, at.yp, &mut values);
         let ahead = (AHEAD * self.shortest).max(1e3 * f64::EPSILON * at.t.abs());
-        self.y.iter_mut().zip(at.y.iter().zip(at.yp)).for_each(|(to, (y, yp))| *to = y + ahead * yp);
-        let (y, mut later) = (std::mem::take(&mut self.y), std::mem::take(&mut self.other));
-        let next = Point { t: at.t + ahead, y: &y, yp: at.yp };
-        self.fill(model, memory, next, false);
-        model.delayed(memory, next.t, &y, at.yp, &mut later);
+        let width = values.len();
+        let (mut y, mut later) = (std::mem::take(&mut self.y), std::mem::take(&mut self.samples));
+        for (far, out) in [ahead, 2.0 * ahead].into_iter().zip(later.chunks_exact_mut(width)) {
+            y.iter_mut().zip(at.y.iter().zip(at.yp)).for_each(|(to, (y, yp))| *to = y + far * yp);
+            self.fill(model, memory, Point { t: at.t + far, y: &y, yp: at.yp }, false);
+            model.delayed(memory, at.t + far, &y, at.yp, out);
+        }
         self.fill(model, memory, at, false);
-        let end = self.kept.record.end();
-        let spot = self.kept.record.locate(end, 0.0);
+        let spot = self.kept.record.locate(self.kept.record.end(), 0.0);
         let mut level = u8::MAX;
-        for element in 0..values.len() {
+        (self.jumped, self.ahead) = (None, 0.0);
+        for element in 0..width {
             let (before, slope) = self.kept.record.at(&spot, element);
-            let (now, rate) = (values[element], (later[element] - values[element]) / ahead);
+            let (mut now, near, far) = (values[element], later[element], later[width + element]);
+            let mut rate = (near - now) / ahead;
             let size = self.kept.record.size(element).max(now.abs());
+            // A condition at its threshold is of one value there and of the other one behind it.
+            if (near - now).abs() > JUMP * rtol * size && (far - near).abs() < 0.5 * (near - now).abs() {
+                (now, rate, self.ahead) = (near, (far - near) / ahead, ahead);
+            }
             let lag = self.kept.lags[element];
             level = if (now - before).abs() > JUMP * rtol * size {
+                self.jumped = self.jumped.or(Some(element));
                 0
             } else if (rate - slope).abs() * lag > KINK * rtol * size {
                 level.min(1)
@@ -392,8 +407,44 @@ impl Past {
                 level
             };
         }
-        (self.y, self.other, self.values) = (y, later, values);
+        (self.y, self.samples, self.values) = (y, later, values);
         self.kept.marks.add(self.crossed.unwrap_or(at.t), level, &self.distinct);
+    }
+
+    /// Notes that derivatives are not smooth where the last integration began at a time, whatever
+    /// the values are.
+    pub(crate) fn mark(&mut self, time: f64) {
+        if self.kept.source == Source::Record {
+            self.kept.marks.add(self.crossed.unwrap_or(time), 1, &self.distinct);
+        }
+    }
+
+    /// The place at which the last integration began, if delayed expressions jump there, and the
+    /// call of one that does.
+    pub(crate) fn jump(&self, time: f64) -> Option<(f64, usize)> {
+        self.jumped.map(|element| (self.crossed.unwrap_or(time), element))
+    }
+
+    /// The break that was crossed where the last integration began.
+    pub(crate) fn crossed(&self) -> Option<f64> {
+        self.crossed
+    }
+
+    /// The time before the start at which an element is read at the start, if its value there is
+    /// given.
+    pub(crate) fn before_start(&self, element: usize, start: f64) -> Option<f64> {
+        self.given[element].then(|| start - self.kept.lags[element])
+    }
+
+    /// An element whose dead time changes within a step, if there is one.
+    pub(crate) fn varying(&self) -> Option<usize> {
+        self.changes.iter().position(|&lag| lag == Lag::Varying)
+    }
+
+    /// Elements with this dead time.
+    fn elements_with(&self, lag: f64) -> impl Iterator<Item = usize> {
+        let each = self.kept.lags.iter().zip(&self.changes).enumerate();
+        each.filter(move |(_, (own, changes))| **changes != Lag::Varying && (*own - lag).abs() <= SLACK * lag).map(|(at, _)| at)
     }
 
     /// The integration is about to cross a break.
@@ -435,6 +486,15 @@ impl Past {
             (slots[DelaySlot::Low as usize], slots[DelaySlot::High as usize]) = (low, high);
         }
     }
+}
+
+/// The call of an element.
+pub(crate) fn name_of(model: &CompiledModel, element: usize) -> String {
+    let mut ends = model.model().delays.iter().scan(0, |end, delay| {
+        *end += delay.count as usize;
+        Some((*end, &delay.name))
+    });
+    ends.find(|&(end, _)| element < end).map_or_else(String::new, |(_, name)| name.clone())
 }
 
 /// Returns `true` if what is delayed reads delayed values, algebraic unknowns or rates: then it

@@ -1,9 +1,10 @@
 //! Control steps with their derivatives, many at once: states and actions in, arrays out.
 //!
-//! A point is a state and an action. Its derivatives by states, actions, parameters, discrete
-//! variables and disturbances are integrated with the step ([`crate::environment::Follower`]), so
-//! many directions at once that their numbers stay in the cache. Points and groups of directions
-//! are spread over the threads; a result depends on nothing but its own point and group.
+//! A point is a state and an action, or the actions of several steps, which a past joins. Its
+//! derivatives by states, actions, parameters, discrete variables and disturbances are integrated
+//! with the steps ([`crate::environment::Follower`]), so many directions at once that their numbers
+//! stay in the cache. Points and groups of directions are spread over the threads; a result depends
+//! on nothing but its own point and group.
 
 pub(crate) mod augmented;
 pub(crate) mod tangents;
@@ -30,27 +31,30 @@ const FEWEST: usize = 8;
 pub struct Plan<'a> {
     /// Number of points.
     pub count: usize,
+    /// Steps from each point.
+    pub horizon: usize,
     /// States in declaration order, a row a point.
     pub states: &'a [f64],
-    /// Actions, a row a point.
+    /// Actions, a row a step.
     pub actions: &'a [f64],
     /// Parameters by name.
     pub parameters: Given<'a>,
     /// Discrete variables at the start.
     pub discrete: Given<'a>,
-    /// Disturbances during the step.
+    /// Disturbances, a value a step.
     pub disturbances: Given<'a>,
     /// Steps that count as completed at the start.
     pub first_step: u32,
 }
 
-/// Destination of results; derivatives are rows of as many numbers as there are directions.
+/// Destination of results, step after step of each point; derivatives are rows of as many numbers
+/// as there are directions.
 pub struct Arrays<'a> {
-    /// States after the step, by points.
+    /// States after the step.
     pub states: &'a mut [f64],
-    /// Rewards as declared, by points.
+    /// Rewards as declared.
     pub rewards: &'a mut [f64],
-    /// Observations without noise, delay or clipping, by points.
+    /// Observations without noise, delay or clipping.
     pub observations: &'a mut [f64],
     /// Derivatives of the states.
     pub by_states: &'a mut [f64],
@@ -194,8 +198,9 @@ impl Sensitivities {
             Err(SensitivityError::Length { name: name.into(), given, expected: width * plan.count })
         };
         length("states", plan.states.len(), catalogue.states.len())?;
-        length("actions", plan.actions.len(), catalogue.actions.len())?;
-        let named = plan.parameters.iter().chain(&plan.discrete).chain(&plan.disturbances);
+        length("actions", plan.actions.len(), plan.horizon * catalogue.actions.len())?;
+        plan.disturbances.iter().try_for_each(|(name, values)| length(name, values.len(), plan.horizon))?;
+        let named = plan.parameters.iter().chain(&plan.discrete);
         named.into_iter().try_for_each(|(name, values)| length(name, values.len(), 1))
     }
 
@@ -210,40 +215,43 @@ impl Sensitivities {
         let options = plan.options(point, environment);
         let first = group * self.width;
         let directions = &self.directions[first..(first + self.width).min(self.directions.len())];
-        let action = pick(plan.actions, environment.catalogue().actions.len(), point).to_vec();
+        let width = environment.catalogue().actions.len();
+        let actions = pick(plan.actions, plan.horizon * width, point);
+        // Several steps go on behind the end of an episode, as one step after another does.
+        environment.set_keep_going(plan.horizon > 1);
         let attempt = |environment: &mut Environment, follower: &mut Follower| {
             environment.reset(Some(0), &options).map_err(|error| SensitivityError::Reset { index: point, error })?;
-            let followed = environment.follow(follower, directions, &options, &action);
-            followed.map_err(|error| SensitivityError::Follow { index: point, error })
+            for step in 0..plan.horizon {
+                let action = &actions[step * width..(step + 1) * width];
+                let followed = match step {
+                    0 => environment.follow(follower, directions, &options, action),
+                    _ => environment.follow_on(follower, action),
+                };
+                followed.map_err(|error| SensitivityError::Follow { index: point, error })?;
+                let mut arrays = arrays.lock().unwrap_or_else(PoisonError::into_inner);
+                arrays.keep(environment, follower, point * plan.horizon + step, (first, directions.len(), self.directions.len()));
+            }
+            Ok(())
         };
         let done = quick.as_mut().is_some_and(|quick| attempt(environment, quick).is_ok());
-        let follower = match quick {
-            Some(quick) if done => quick,
-            _ => {
-                attempt(environment, sure)?;
-                sure
-            }
-        };
-        let mut arrays = arrays.lock().unwrap_or_else(PoisonError::into_inner);
-        arrays.keep(environment, follower, point, (first, directions.len(), self.directions.len()));
-        Ok(())
+        if done { Ok(()) } else { attempt(environment, sure) }
     }
 }
 
 impl Arrays<'_> {
-    fn keep(&mut self, environment: &Environment, follower: &Follower, point: usize, (first, count, all): (usize, usize, usize)) {
+    fn keep(&mut self, environment: &Environment, follower: &Follower, row: usize, (first, count, all): (usize, usize, usize)) {
         let catalogue = environment.catalogue();
         let states = catalogue.states.elements();
         let (n, rewards, observations) = (states.len(), environment.rewards().len(), environment.measured().len());
         if first == 0 {
-            environment.state(&mut self.states[point * n..(point + 1) * n]);
-            self.rewards[point * rewards..(point + 1) * rewards].copy_from_slice(environment.rewards());
-            self.observations[point * observations..(point + 1) * observations].copy_from_slice(environment.measured());
+            environment.state(&mut self.states[row * n..(row + 1) * n]);
+            self.rewards[row * rewards..(row + 1) * rewards].copy_from_slice(environment.rewards());
+            self.observations[row * observations..(row + 1) * observations].copy_from_slice(environment.measured());
         }
         let fill = |out: &mut [f64], rows: usize, value: &dyn Fn(usize, usize) -> f64| {
-            for row in 0..rows {
-                let start = (point * rows + row) * all + first;
-                out[start..start + count].iter_mut().enumerate().for_each(|(j, out)| *out = value(row, j));
+            for of in 0..rows {
+                let start = (row * rows + of) * all + first;
+                out[start..start + count].iter_mut().enumerate().for_each(|(j, out)| *out = value(of, j));
             }
         };
         fill(self.by_states, n, &|row, j| follower.derivative(states[row].at, j));
@@ -260,7 +268,11 @@ impl Plan<'_> {
             state: StateInput::Array(pick(self.states, environment.catalogue().states.len(), point).to_vec()),
             parameters: self.parameters.iter().map(value).collect(),
             discrete: self.discrete.iter().map(value).collect(),
-            disturbances: self.disturbances.iter().map(|(name, values)| (name.clone(), pick(values, 1, point).to_vec())).collect(),
+            disturbances: self
+                .disturbances
+                .iter()
+                .map(|(name, values)| (name.clone(), pick(values, self.horizon, point).to_vec()))
+                .collect(),
             expected: true,
             first_step: self.first_step,
             ..ResetOptions::default()

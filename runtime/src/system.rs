@@ -127,6 +127,26 @@ impl CompiledSystem {
         self.past.iter_mut().for_each(|past| past.trim(t));
     }
 
+    /// The past of delayed expressions, if there are any.
+    pub(crate) fn past_mut(&mut self) -> Option<&mut Past> {
+        self.past.as_deref_mut()
+    }
+
+    /// The next time at which an equation changes its form by itself.
+    pub(crate) fn next_break_of_equations(&mut self, t: f64) -> f64 {
+        self.model.next_break(&mut self.memory, t)
+    }
+
+    /// The next time at which a delayed value is not smooth.
+    pub(crate) fn next_break_of_past(&self) -> f64 {
+        self.past.as_ref().map_or(f64::INFINITY, |past| past.next_break())
+    }
+
+    /// Exchanges the past with that of another instance.
+    pub(crate) fn exchange_past(&mut self, other: &mut Self) {
+        std::mem::swap(&mut self.past, &mut other.past);
+    }
+
     /// Past data of a snapshot.
     pub(crate) fn past(&self) -> Option<&Kept> {
         self.past.as_ref().map(|past| past.kept())
@@ -309,8 +329,7 @@ impl System for CompiledSystem {
     }
 
     fn next_break(&mut self, t: f64) -> f64 {
-        let next = self.model.next_break(&mut self.memory, t);
-        self.past.as_ref().map_or(next, |past| next.min(past.next_break()))
+        self.next_break_of_equations(t).min(self.next_break_of_past())
     }
 
     fn has_past(&self) -> bool {

@@ -28,7 +28,7 @@ fn derivatives(setup: &Arc<Setup>, threads: usize, states: &[f64]) -> Result<(Ve
     let (mut by_rewards, mut by_observations) = (vec![0.0; 4 * count], vec![0.0; 4 * count]);
     let given = || Given::new();
     let (parameters, discrete, disturbances) = (given(), given(), given());
-    let plan = Plan { count, states, actions: &[1.0], parameters, discrete, disturbances, first_step: 0 };
+    let plan = Plan { count, horizon: 1, states, actions: &[1.0], parameters, discrete, disturbances, first_step: 0 };
     sensitivities.run(
         &plan,
         Arrays {
@@ -90,7 +90,7 @@ fn lengths_are_checked() {
     let mut sensitivities = Sensitivities::new(&setup, vec![Direction::State(0)], 1).expect("ready");
     let given = || Given::new();
     let (parameters, discrete, disturbances) = (given(), given(), given());
-    let plan = Plan { count: 1, states: &[1.0], actions: &[1.0], parameters, discrete, disturbances, first_step: 0 };
+    let plan = Plan { count: 1, horizon: 1, states: &[1.0], actions: &[1.0], parameters, discrete, disturbances, first_step: 0 };
     let arrays = Arrays {
         states: &mut [],
         rewards: &mut [],

@@ -47,10 +47,16 @@ pub enum Part {
     Rows,
     /// The next time at which an equation changes its form: one number.
     NextBreak,
+    /// Present values of the delayed expressions.
+    Delayed,
+    /// Their dead times.
+    Lags,
+    /// Their values before the start, as in [`CompiledModel::before`].
+    Before,
 }
 
 /// Number of parts that have a place among the tapes.
-pub(super) const PARTS: usize = 9;
+pub(super) const PARTS: usize = 11;
 
 /// Entries of a sparse matrix of derivatives in machine code: the row of each, and what it is a
 /// derivative by.
@@ -108,6 +114,7 @@ impl CompiledModel {
             Part::Parameters => &self.tapes.parameters,
             Part::InitialDiscretes => &self.tapes.initial_discretes,
             Part::Steady => &self.tapes.steady,
+            Part::Before => &self.tapes.before,
             Part::Event(index) => &self.tapes.events[index as usize],
             part => self.later.tapes[place(part)].get_or_init(|| self.make_tape(part)).as_ref()?,
         };
@@ -149,6 +156,8 @@ impl CompiledModel {
                 Ok(Tape::new(&Staged::of_lists(watched.roots(model)), &model.exprs, &self.layout, access)?)
             }
             Part::Quadratures => numbers("quadratures", model.quadratures.clone()),
+            Part::Delayed => program("delayed", &programs.delayed, true, model.delayed()),
+            Part::Lags => program("lags", &programs.lags, true, model.delayed()),
             _ => self.make_equations(part),
         }
     }
@@ -331,7 +340,18 @@ fn known<By>(
 
 /// Place of a tape.
 fn place(part: Part) -> usize {
-    let all =
-        [Part::Disturb, Part::Start, Part::End, Part::Finish, Part::Outputs, Part::Roots, Part::Quadratures, Part::Rows, Part::NextBreak];
+    let all = [
+        Part::Disturb,
+        Part::Start,
+        Part::End,
+        Part::Finish,
+        Part::Outputs,
+        Part::Roots,
+        Part::Quadratures,
+        Part::Rows,
+        Part::NextBreak,
+        Part::Delayed,
+        Part::Lags,
+    ];
     all.iter().position(|&p| p == part).unwrap_or(0)
 }

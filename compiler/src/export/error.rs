@@ -33,7 +33,7 @@ pub enum ExportError {
     },
     /// A function reads what was a dead time ago, which only the solver keeps.
     #[error(
-        "`{delay}` reads a past that the target does not keep; remove the dead time, or write it as a chain of first-order lags, to export the model"
+        "`{delay}` reads a past that the target does not keep; export a Padé approximation of it, of order 2 by `--set pade=2`, or remove the dead time"
     )]
     Delay {
         /// The call.

@@ -365,6 +365,8 @@ fn solver(at: &At<'_>) -> Result<Solver, ReadError> {
         max_steps: at.field("max_steps")?.count(u32::MAX)?.max(1),
         max_events: at.field("max_events")?.count(u32::MAX)?,
         max_step: at.field("max_step")?.number_or(f64::INFINITY)?,
+        // It was applied when the model was made.
+        pade: 0,
         retry: at.maybe("retry")?.map_or(Ok(true), |at| at.flag())?,
         algebraic_error_control: at.field("algebraic_error_control")?.flag()?,
         quadrature_error_control: at.field("quadrature_error_control")?.flag()?,

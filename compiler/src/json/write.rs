@@ -187,7 +187,10 @@ pub(super) fn elements(families: &Families) -> Value {
 
 /// The settings of the solver; no longest step is null.
 fn solver(i: &Interface) -> Value {
-    json!(i.solver)
+    let mut solver = json!(i.solver);
+    // Approximations are part of the equations.
+    solver.as_object_mut().map(|entries| entries.remove("pade"));
+    solver
 }
 
 /// Outputs of the program `finish`, one after another; a failure has two numbers.

@@ -41,6 +41,9 @@ pub struct Solver {
     pub max_events: u32,
     /// Longest internal step, in units of time; infinite where nothing bounds it.
     pub max_step: f64,
+    /// Order of Padé approximations that replace dead times; 0 where these are exact.
+    #[serde(default)]
+    pub pade: u32,
     /// A control step that the method fails in is repeated once with the other implicit method.
     pub retry: bool,
     /// Algebraic variables enter the error test, whether integrals and events look at them or not.
@@ -181,6 +184,7 @@ impl Default for Solver {
             max_steps: 20_000,
             max_events: 1000,
             max_step: f64::INFINITY,
+            pade: 0,
             retry: true,
             algebraic_error_control: false,
             quadrature_error_control: true,

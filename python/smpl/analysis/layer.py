@@ -12,7 +12,7 @@ import numpy as np
 from smpl.analysis.adjoint import _SAME
 from smpl.analysis.rollout import _threads
 from smpl.analysis.rollout import rollout as simulate
-from smpl.analysis.sensitivity import linearize_step, step
+from smpl.analysis.sensitivity import linearize_rollout, linearize_step, step
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_flag, as_number, check_method, check_names, check_once
@@ -28,7 +28,7 @@ _TRIED = 20
 
 @dataclass(frozen=True)
 class Layer:
-    """A control step of N points, `(x, u, q) -> values`.
+    """A control step of N points, `(x, u, q) -> values`; or several, of which `u` holds the actions one after another.
 
     Attributes:
         model: the compiled model.
@@ -36,6 +36,7 @@ class Layer:
         held: values of others, the same for all points.
         outputs: the values are states, rewards and observations; otherwise states alone.
         method, threads: as for `Model.step`.
+        horizon: number of steps. Values are those of one step after another.
     """
 
     model: Model
@@ -44,6 +45,12 @@ class Layer:
     outputs: bool = False
     method: str | None = None
     threads: int | None = None
+    horizon: int = 1
+
+    @property
+    def columns(self) -> tuple[int, int, int]:
+        """Numbers of columns of `x`, `u` and `q`."""
+        return len(self.model.state_names), self.horizon * len(self.model.action_names), len(self.names)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -54,7 +61,7 @@ class Layer:
     @property
     def width(self) -> int:
         """Number of values of a point."""
-        return sum(self.sizes) if self.outputs else self.sizes[0]
+        return self.horizon * (sum(self.sizes) if self.outputs else self.sizes[0])
 
     def values(self, points: Points, first_step: int) -> FloatArray:
         """Values after the step, shape (N, width)."""
@@ -67,29 +74,37 @@ class Layer:
         """Values, and requested Jacobians by `x`, `u` and `q`; others have no columns."""
         x, u, q = points
         named = self._by_role() if by[2] else ([], [], [])
-        found = linearize_step(
-            self.model,
-            x,
-            u,
-            self._given(q),
-            by=[role for role, wanted in zip(("state", "action"), by[:2], strict=True) if wanted],
-            parameters=named[0],
-            discrete=named[1],
-            disturbances=named[2],
-            method=self.method,
-            threads=self.threads,
-            first_step=first_step,
-        )
+        options: dict[str, Any] = {
+            "by": [role for role, wanted in zip(("state", "action"), by[:2], strict=True) if wanted],
+            "parameters": named[0],
+            "discrete": named[1],
+            "method": self.method,
+            "threads": self.threads,
+            "first_step": first_step,
+        }
+        if self.horizon == 1:
+            found = linearize_step(self.model, x, u, self._given(q), disturbances=named[2], **options)
+        else:
+            plan = u.reshape(len(u), self.horizon, -1)
+            found = linearize_rollout(self.model, x, plan, self._given(q), **options)
         values, parts = found.states, [found.derivatives[0]]
         if self.outputs:
             values = np.concatenate([values, found.rewards, found.observations], axis=-1)
             parts = list(found.derivatives)
         whole = np.concatenate(parts, axis=-2)
+        if self.horizon > 1:
+            values, whole = values.reshape(len(u), -1), whole.reshape(len(u), -1, whole.shape[-1])
         ends = np.cumsum([len(found.by["state"]), len(found.by["action"])])
         by_x, by_u, by_q = np.split(whole, ends, axis=-1)
         columns = [name for role in named for name in role]
         order = [columns.index(name) for name in self.names] if by[2] else []
         return values, (by_x, by_u, by_q[..., order])
+
+    @property
+    def disturbed(self) -> list[str]:
+        """Disturbances among the names and the held values."""
+        names = (*self.names, *(name for name, _ in self.held))
+        return [name for name in names if name in self.model.disturbance_names]
 
     def _given(self, q: FloatArray) -> dict[str, Any]:
         return {**dict(self.held), **{name: q[:, i] for i, name in enumerate(self.names)}}
@@ -112,8 +127,10 @@ class Transition(NamedTuple):
 
     @classmethod
     def of(cls, layer: Layer, values: Any) -> Transition:
-        """The parts of the values of a layer."""
+        """The parts of the values of a layer; of several steps time is the axis before the last."""
         states, rewards, _ = layer.sizes
+        if layer.horizon > 1:
+            values = values.reshape(*values.shape[:-1], layer.horizon, -1)
         return cls(values[..., :states], values[..., states : states + rewards], values[..., states + rewards :])
 
 
@@ -139,6 +156,7 @@ def arranged(
     outputs: bool,
     method: str | None,
     threads: int | None,
+    horizon: int = 1,
 ) -> tuple[Layer, list[Any]]:
     """The layer of the arguments of `step`, and the columns of `q`, arrays of the caller's kind.
 
@@ -148,7 +166,7 @@ def arranged(
             `parameters`, or None.
         parameters: those names; all parameters of the model if None.
         is_array: whether a value is an array of the caller's kind.
-        outputs, method, threads: of the layer.
+        outputs, method, threads, horizon: of the layer.
 
     Raises:
         TypeError: `model` is not a model.
@@ -161,7 +179,11 @@ def arranged(
     held = tuple((name, value) for name, value in pairs if isinstance(value, float))
     if threads is not None:
         _threads(threads)
-    layer = Layer(model, tuple(names), held, as_flag("outputs", outputs), check_method(method), threads)
+    layer = Layer(model, tuple(names), held, as_flag("outputs", outputs), check_method(method), threads, horizon)
+    if horizon > 1 and layer.disturbed:
+        raise ValueError(
+            f"p has the disturbance {layer.disturbed[0]}, and {model.name} reads its past: leave it to its rule"
+        )
     return layer, [value for _, value in pairs if not isinstance(value, float)]
 
 
@@ -187,6 +209,8 @@ def chained_rewards(model: Model, rewards: Iterable[str] | None) -> list[int]:
     names = (model.reward,) if rewards is None else (rewards,) if isinstance(rewards, str) else tuple(rewards)
     check_names("rewards", names, model.reward_names)
     for name in names or (model.reward,):
+        if model.delays:
+            break
         _check_chain(model, name, bool(names))
     return [model.reward_names.index(name) for name in names]
 
@@ -243,6 +267,19 @@ def horizon_of(model: Model, actions: Any, steps: int | None) -> int:
     if steps not in (None, shape[-2]):
         raise ValueError(f"steps is {steps}, but actions has {shape[-2]}")
     return int(shape[-2])
+
+
+def with_past(model: Model, actions: Any) -> Any:
+    """The actions of a rollout of a model with dead times.
+
+    Raises:
+        ValueError: `actions` is a policy.
+    """
+    if callable(actions):
+        raise ValueError(
+            f"actions is a policy, and {model.name} reads its past (`{model.delays[0]}`): pass the actions of all steps"
+        )
+    return actions
 
 
 def _pairs(model: Model, p: Any, parameters: Any, is_array: Callable[[Any], bool]) -> list[tuple[str, Any]]:

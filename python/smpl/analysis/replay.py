@@ -1,7 +1,8 @@
 """Recorded runs simulated again, with derivatives by what is fitted; see `smpl.fit`.
 
 Forward sensitivities are chained. With S the derivative of the state at a sampling instant, the
-next one is (dx/dx) S + dx/dp of the step between, both exact (`smpl.Model.linearize_step`).
+next one is (dx/dx) S + dx/dp of the step between, both exact (`smpl.Model.linearize_step`). Steps
+that dead times join are integrated over the whole run (`smpl.Model.linearize_rollout`).
 """
 
 from __future__ import annotations
@@ -145,7 +146,10 @@ class Recorded:
         states, steps = path.states[0], int(path.steps[0])
         if not steps:
             raise SimulationError(f"{run.name}: {path.failure[0]}")
-        of_states, of_readings = self._chain(self._taken(run, point, states[: steps + 1]), len(states))
+        if self.model.delays:
+            of_states, of_readings = self._whole(run, point, states[: steps + 1], len(states))
+        else:
+            of_states, of_readings = self._chain(self._taken(run, point, states[: steps + 1]), len(states))
         found = np.zeros((len(states), len(self._outputs), len(point)))
         for i, (seen, column) in enumerate(self._outputs):
             found[:, i, own] = self._read(column, of_readings, path.observations[0]) if seen else of_states[:, column]
@@ -167,34 +171,51 @@ class Recorded:
         raise SimulationError(f"{run.name}, step {step}: how {self.model.name} goes on depends on more than its states")
 
     def _steps(self, run: Run, point: FloatArray, states: FloatArray, together: bool) -> _Steps:
-        given = {**run.parameters, **self._fixed, **dict(zip(self.parameters, point.tolist(), strict=False))}
-        parameters, discrete = _singles(given), _singles(run.discrete)
+        """Every step of a run from the states before it, in one call or one after another."""
         cores = (os.cpu_count() or 1) if states.shape[1] * len(self._directions) >= _LARGE else 1
-
-        def part(first: int, count: int, threads: int) -> tuple[FloatArray, ...]:
-            # What `linearize_step` does without its checks: a step of a small model takes no longer
-            # than these.
-            try:
-                return self.model.native.sensitivity(
-                    states[first : first + count],
-                    run.actions[first : first + count],
-                    parameters,
-                    discrete,
-                    [(name, values[first : first + count]) for name, values in run.disturbances.items()],
-                    (count, first),
-                    (self._directions, threads, None, self._method),
-                )
-            except SimulationError as error:
-                point, _, reason = str(error).removeprefix("point ").partition(": ")
-                step = first + int(point) if point.isdigit() else first
-                raise SimulationError(f"{run.name}, step {step}: {reason or error}") from error
-
         steps = len(states) - 1
         if together:
-            found = part(0, steps, min(cores, steps))
-            return _Steps(found[0], found[3], found[5])
-        parts = [part(k, 1, 1) for k in range(steps)]
-        return _Steps(*(np.concatenate([one[i] for one in parts]) for i in (0, 3, 5)))
+            return self._taken_from(run, point, states[:steps], (0, 1), min(cores, steps))
+        parts = [self._taken_from(run, point, states[k : k + 1], (k, 1), 1) for k in range(steps)]
+        return _Steps(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def _taken_from(
+        self, run: Run, point: FloatArray, states: FloatArray, size: tuple[int, int], threads: int
+    ) -> _Steps:
+        """So many steps from each of these states, which are those of a run from a step on; `size` has both."""
+        given = {**run.parameters, **self._fixed, **dict(zip(self.parameters, point.tolist(), strict=False))}
+        (first, horizon), count = size, len(states)
+        part = slice(first, first + count * horizon)
+        # What `linearize_step` does without its checks: a step of a small model takes no longer
+        # than these.
+        try:
+            found = self.model.native.sensitivity(
+                states,
+                run.actions[part],
+                _singles(given),
+                _singles(run.discrete),
+                [(name, values[part]) for name, values in run.disturbances.items()],
+                (count, first, horizon),
+                (self._directions, threads, None, self._method),
+            )
+        except SimulationError as error:
+            number, _, reason = str(error).removeprefix("point ").partition(": ")
+            at = first + int(number) if number.isdigit() and horizon == 1 else first
+            raise SimulationError(f"{run.name}, step {at}: {reason or error}") from error
+        return _Steps(found[0], found[3], found[5])
+
+    def _whole(self, run: Run, point: FloatArray, states: FloatArray, rows: int) -> tuple[FloatArray, FloatArray]:
+        """Derivatives as those of `_chain`, by the steps of the run together."""
+        steps, count = len(states) - 1, states.shape[1]
+        found = self._taken_from(run, point, states[:1], (0, steps), 1)
+        own = [*range(count, count + len(self.parameters)), *self._columns]
+        of_states = np.zeros((rows, count, len(own)))
+        of_states[0, self._columns, range(len(self.parameters), len(own))] = 1.0
+        of_readings = np.zeros((rows, found.of_readings.shape[1], len(own)))
+        of_states[1 : steps + 1], of_readings[1 : steps + 1] = found.of_states[..., own], found.of_readings[..., own]
+        # A run that has ended stays where it is.
+        of_states[steps + 1 :], of_readings[steps + 1 :] = of_states[steps], of_readings[steps]
+        return of_states, of_readings
 
     def _chain(self, taken: _Steps, rows: int) -> tuple[FloatArray, FloatArray]:
         """Derivatives of states (H + 1, states, own) and readings (H + 1, observations, own)."""

@@ -38,7 +38,9 @@ class StepDerivatives:
 
     Derivatives are named `d<of>_d<by>`: `dr_du` has shape (rewards, actions). They are those of
     states after the step (`dx`), rewards (`dr`) and observations (`dy`) by states (`dx`), actions
-    (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`).
+    (`du`), parameters (`dp`), discrete variables (`dd`) and disturbances (`dw`). Derivatives of a
+    rollout have an axis of H steps after N and before the others; columns of actions are
+    `NAME@STEP`.
 
     Attributes:
         states: states after the step, (states,).
@@ -185,20 +187,75 @@ def linearize_step(
 ) -> StepDerivatives:
     """A control step with its derivatives, see `Model.linearize_step`."""
     states, actions, count, single = _points(model, x, u)
-    given = _split(model, p)
     names = _directions(model, by, {"parameter": parameters, "discrete": discrete, "disturbance": disturbances})
-    chosen = [(role, getattr(model, _NAMES[role]).index(name)) for role in ROLES for name in names[role]]
+    found = _linearized(
+        model, states, actions, _split(model, p), names, (count, check_first_step(first_step, 1), 1), method, threads
+    )
+    return _derivatives(names, [array[0] if single else array for array in found])
+
+
+def linearize_rollout(
+    model: Model,
+    x: npt.ArrayLike,
+    actions: npt.ArrayLike,
+    p: Mapping[str, npt.ArrayLike] | None = None,
+    *,
+    by: Sequence[str] = ("state", "action"),
+    parameters: Iterable[str] = (),
+    discrete: Iterable[str] = (),
+    method: str | None = None,
+    threads: int | None = None,
+    first_step: int = 0,
+) -> StepDerivatives:
+    """Several control steps with their derivatives, see `Model.linearize_rollout`."""
+    states = _rows("x", x, len(model.state_names), 1)
+    plan = _rows("actions", actions, len(model.action_names), 2)
+    if not np.isfinite(plan).all():
+        bad = np.argwhere(~np.isfinite(plan))[0]
+        raise ValueError(f"actions{bad.tolist()} is {plan[tuple(bad)]}, expected a finite number")
+    single, horizon = states.ndim == 1 and plan.ndim == 2, plan.shape[-2]
+    count = _common(len(plan) if plan.ndim == 3 else 1, len(states) if states.ndim == 2 else 1)
+    size = (count, check_first_step(first_step, horizon), horizon)
+    named = {"parameter": parameters, "discrete": discrete, "disturbance": ()}
+    names = _directions(model, by, named)
+    names["action"] = tuple(f"{name}@{k}" for k in range(horizon) for name in names["action"])
+    found = _linearized(model, states, plan, _split(model, p), names, size, method, threads)
+    rows = [array.reshape(count, horizon, *array.shape[1:]) for array in found]
+    return _derivatives(names, [array[0] if single else array for array in rows])
+
+
+def _linearized(
+    model: Model,
+    states: FloatArray,
+    actions: FloatArray,
+    given: tuple[dict[str, npt.ArrayLike], ...],
+    names: Mapping[str, tuple[str, ...]],
+    size: tuple[int, int, int],
+    method: str | None,
+    threads: int | None,
+) -> Sequence[FloatArray]:
+    """Values and derivatives, a row a step of each point; `size` is (points, completed steps, steps)."""
+    count, _, horizon = size
+    # Actions of later steps are counted behind those of the first one.
+    chosen = [
+        (role, at if role == "action" else getattr(model, _NAMES[role]).index(name))
+        for role in ROLES
+        for at, name in enumerate(names[role])
+    ]
     tasks = count * (1 + len(chosen) * len(model.state_names) // 100_000)
-    found = model.native.sensitivity(
+    found: Sequence[FloatArray] = model.native.sensitivity(
         states,
         actions,
         _each("p", _flattened(model, given[0], count), count),
         _each("p", given[1], count),
-        _each("p", given[2], count),
-        (count, check_first_step(first_step, 1)),
+        _each("p", given[2], count) if horizon == 1 else _each("p", given[2], count, horizon),
+        size,
         (chosen, min(_threads(threads), tasks), None, check_method(method)),
     )
-    values = [array[0] if single else array for array in found]
+    return found
+
+
+def _derivatives(names: Mapping[str, tuple[str, ...]], values: Sequence[FloatArray]) -> StepDerivatives:
     return StepDerivatives(values[0], values[1], values[2], names, (values[3], values[4], values[5]))
 
 
@@ -252,4 +309,4 @@ def _directions(model: Model, by: Sequence[str], named: Mapping[str, Iterable[st
     return names
 
 
-__all__ = ["StepDerivatives", "linearize_step", "step"]
+__all__ = ["StepDerivatives", "linearize_rollout", "linearize_step", "step"]

@@ -70,6 +70,8 @@ class LQR(TakesWrapped):
         cost: `sum` over instants, or `integral` over time, sampled exactly.
         at: (y, u) where the model is linearised and is to be held; its steady state if none.
         p: parameters and the like.
+        pade: order of the approximations of dead times, 1 to 5. Their states follow those of the model, have no
+            weight, and are those of the linear model with the states and actions so far.
 
     Attributes:
         gain: K, (actions, states + integrators).
@@ -95,15 +97,19 @@ class LQR(TakesWrapped):
         cost: str = "sum",
         at: tuple[Any, Any] | None = None,
         p: Mapping[str, float] | None = None,
+        pade: int = 3,
     ) -> None:
         if cost not in ("sum", "integral"):
             raise ValueError(f"cost is {cost!r}, expected 'sum' or 'integral'")
         self.model = model if isinstance(model, Model) else model.model
-        n = len(self.model.state_names)
+        self._linear = self.model.with_pade(pade)
+        n = len(self._linear.state_names)
         if n > _MOST_STATES:
             raise ValueError(f"{self.model.name} has {n} states; a regulator of more than {_MOST_STATES} is not made")
         y, u = operating_point(self.model, at, p)
-        self.system = self.model.linearize(y, u, p)
+        if self.model.delays:
+            y = self._linear._rested(self.model, y, u, p)
+        self.system = self._linear.linearize(y, u, p)
         A, B = self.system[:2]
         self.state, self.action_at_rest = y[:n].copy(), u.copy()
         self._integral = self._integrators(integral)
@@ -114,6 +120,10 @@ class LQR(TakesWrapped):
         F, G, Q, N = self._augmented(F, G, Q, N, discrete)
         self.gain, self.riccati = _regulator(F, G, Q, R, N, discrete, self._stateful_names())
         self.eigenvalues = np.linalg.eigvals(F - G @ self.gain)
+        # States of approximations go on with the linear model, in deviations.
+        known = len(self.model.state_names)
+        self._goes_on = [part[known:n] for part in sampled(A, B, self.model.step)]
+        self._memory = np.zeros(n - known)
         self._sum = np.zeros(len(self._integral))
         self._low, self._high = self.model.native.bounds("action")
 
@@ -126,6 +136,7 @@ class LQR(TakesWrapped):
         if env.state_names != self.model.state_names or env.action_names != self.model.action_names:
             raise ValueError(f"this regulator is for {self.model.name}, the environment is {env.model.name}")
         self._sum[:] = 0.0
+        self._memory[:] = 0.0
         self._low, self._high = env.action_low, env.action_high
 
     def action(self, env: Env) -> FloatArray:
@@ -135,10 +146,12 @@ class LQR(TakesWrapped):
     def control(self, state: FloatArray) -> FloatArray:
         """The action for a state, or for an estimate of it; sums up the errors."""
         n = len(self.state)
-        deviation = state - self.state
+        deviation = np.append(state - self.state[: len(state)], self._memory)
         wanted = self.action_at_rest - self.gain[:, :n] @ deviation - self.gain[:, n:] @ self._sum
         action = np.clip(wanted, self._low, self._high)
         self._accumulate(deviation, action, wanted)
+        by_states, by_actions = self._goes_on
+        self._memory = by_states @ deviation + by_actions @ (action - self.action_at_rest)
         return action
 
     def _accumulate(self, deviation: FloatArray, action: FloatArray, wanted: FloatArray) -> None:
@@ -167,12 +180,13 @@ class LQR(TakesWrapped):
         return [(C[names.index(name)], D[names.index(name)], weight) for name, weight in wanted.items()]
 
     def _weights(self, state: Any, action: Any, output: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-        model = self.model
+        model = self._linear
         low, high = model.native.bounds("state")
         q = weights("state_weight", state, model.state_names, model.state_units)
         w = weights("output_weight", output, model.observation_names, model.observation_units)
         if q is None:
             q = np.zeros(len(self.state)) if w is not None else 1 / _scale(self.state, low, high) ** 2
+            q[len(self.model.state_names) :] = 0.0
         r = weights("action_weight", action, model.action_names, model.action_units)
         low, high = model.native.bounds("action")
         if r is None:
@@ -213,7 +227,7 @@ class LQR(TakesWrapped):
         return 0.01 * float(row @ Q @ row) / norm**2 if norm > 0 else 1.0
 
     def _stateful_names(self) -> list[str]:
-        return [*self.model.state_names, *(f"integral {i}" for i in range(len(self._integral)))]
+        return [*self._linear.state_names, *(f"integral {i}" for i in range(len(self._integral)))]
 
 
 class LQG(TakesWrapped):

@@ -19,6 +19,7 @@ use smpl_compiler::layout::Region;
 
 use super::{Environment, ResetOptions, StepResult, finish, interval};
 use crate::failure::describe_solver;
+use crate::past::moved::MovedPast;
 use crate::sensitivity::augmented::{Augmented, Input};
 use crate::sensitivity::tangents::{Point, Tangents};
 use crate::setup::{Setup, SetupError};
@@ -46,8 +47,10 @@ const LOOSE_ENOUGH: f64 = 1e-6;
 pub enum Direction {
     /// A state at the start.
     State(usize),
-    /// An action.
+    /// An action, in the first step.
     Action(usize),
+    /// An action in one of several steps, which is counted from 0 and comes first.
+    ActionIn(usize, usize),
     /// A parameter.
     Parameter(usize),
     /// A discrete variable at the start.
@@ -96,6 +99,10 @@ pub struct Follower {
     moving: Vec<f64>,
     /// The integration has stopped at a threshold and waits for what the motion says.
     pending: bool,
+    /// Derivatives of the past, but while they are integrated.
+    past: Option<Box<MovedPast>>,
+    /// Number of the step, from 0.
+    step: usize,
     /// For rates and algebraic unknowns.
     rates: Factorisation,
     entries: [Vec<f64>; 2],
@@ -168,6 +175,8 @@ impl Follower {
             integrals: numbers(system.quadrature_count() * width),
             moving: Vec::new(),
             pending: false,
+            past: MovedPast::new(system, width),
+            step: 0,
             rates: Factorisation::new(system.pattern(), setup.settings.linear_solver)?,
             entries: [numbers(entries), numbers(entries)],
             space: Space::default(),
@@ -240,18 +249,31 @@ impl Environment {
         options: &ResetOptions,
         action: &[f64],
     ) -> Result<StepResult, FollowError> {
+        follower.choose(&self.setup, self.system.region(Region::Param), directions);
+        follower.step = 0;
+        self.follow_step(follower, action, Some(options))
+    }
+
+    /// Takes another step behind one that was [followed](Environment::follow), with derivatives
+    /// along the same directions.
+    ///
+    /// # Errors
+    /// A step that does not come to its end, or that has no derivative.
+    pub fn follow_on(&mut self, follower: &mut Follower, action: &[f64]) -> Result<StepResult, FollowError> {
+        follower.step += 1;
+        self.follow_step(follower, action, None)
+    }
+
+    fn follow_step(&mut self, follower: &mut Follower, action: &[f64], begins: Option<&ResetOptions>) -> Result<StepResult, FollowError> {
         self.check(action).map_err(|e| FollowError::Failed(e.to_string()))?;
-        if let Some(delay) = self.setup.model().model().delays.first() {
-            return Err(FollowError::Refused(format!("`{}` reads the past, of which there are no derivatives", delay.name)));
-        }
         if let Some(at) = action.iter().position(|a| !a.is_finite()) {
             let name = &self.setup.catalogue.actions.elements()[at].name;
             return Err(FollowError::Failed(format!("action `{name}` is not finite")));
         }
-        follower.choose(&self.setup, self.system.region(Region::Param), directions);
         let excess = self.action_excess(action);
         self.progress.chatter = None;
-        let done = self.begin_following(follower, options).and_then(|()| self.follow_interval(follower, action));
+        let begun = begins.map_or(Ok(()), |options| self.begin_following(follower, options));
+        let done = begun.and_then(|()| self.follow_interval(follower, action));
         if done.is_err() {
             self.abandon();
         }
@@ -295,8 +317,19 @@ impl Environment {
         (time, moving): (f64, &[f64]),
         outputs: usize,
     ) -> Result<(), FollowError> {
+        self.follow_past(follower, time);
         let point = Point { time, moving, y: &self.progress.y, yp: &self.progress.yp };
         follower.tangents.run(&self.system, part, point, outputs).map_err(FollowError::Refused)
+    }
+
+    /// Fills the delayed values at the present state, with their derivatives.
+    fn follow_past(&mut self, follower: &mut Follower, time: f64) {
+        let Some(moved) = follower.past.as_mut().filter(|past| past.has_begun()) else { return };
+        self.system.look_back(time, &self.progress.y, &self.progress.yp);
+        if let Some(past) = self.system.past_mut() {
+            moved.look_up(past, time);
+        }
+        MovedPast::write(&moved.values, &self.system, &mut follower.tangents);
     }
 
     /// Derivatives of algebraic unknowns from those of states and inputs.

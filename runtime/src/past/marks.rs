@@ -44,6 +44,11 @@ fn near(time: f64) -> f64 {
     NEAR * time.abs()
 }
 
+/// Returns `true` if two times are one.
+pub(super) fn are_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= near(b)
+}
+
 impl Marks {
     pub(super) fn clear(&mut self) {
         self.marks.clear();
@@ -53,6 +58,13 @@ impl Marks {
     /// The next break.
     pub(super) fn next(&self) -> f64 {
         self.breaks.iter().filter(|b| !b.done).map(|b| b.time).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Breaks at a time at which delayed values jump: where each comes from, and how much later it
+    /// is.
+    pub(super) fn jumps_at(&self, time: f64) -> impl Iterator<Item = (f64, f64)> {
+        let here = self.breaks.iter().filter(move |b| !b.done && b.level == 0 && are_near(b.time, time));
+        here.map(|b| (b.source, b.time - b.source))
     }
 
     /// Notes a place with these distinct dead times behind it.

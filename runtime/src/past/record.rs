@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Coefficients of a polynomial in Chebyshev's basis: as many as DOP853 needs, whose interpolant
-/// has the highest degree of all methods.
-pub(super) const TERMS: usize = 8;
+use crate::solver::nodes::NODES;
+pub(super) use crate::solver::nodes::shares as nodes;
+
+/// Coefficients of a polynomial in Chebyshev's basis.
+pub(super) const TERMS: usize = NODES;
 
 /// Roundings of the present time by which an earlier time may miss the beginning of a piece.
 const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
@@ -43,11 +45,6 @@ pub(super) struct Record {
     sizes: Vec<f64>,
 }
 
-/// Nodes of a piece, from 0 to 1: the extrema of the Chebyshev polynomial.
-pub(super) fn nodes() -> [f64; TERMS] {
-    std::array::from_fn(|k| 0.5 - 0.5 * (std::f64::consts::PI * k as f64 / (TERMS - 1) as f64).cos())
-}
-
 /// Coefficients of the polynomial through values at the nodes. Those of equal values are exact.
 fn coefficients(values: impl Fn(usize) -> f64) -> [f64; TERMS] {
     let last = TERMS - 1;
@@ -82,6 +79,11 @@ impl Record {
     /// The end of what is recorded.
     pub(super) fn end(&self) -> f64 {
         self.pieces.last().map_or(f64::NEG_INFINITY, |piece| piece.to)
+    }
+
+    /// Spans of time of the pieces.
+    pub(super) fn spans(&self) -> Vec<(f64, f64)> {
+        self.pieces.iter().map(|piece| (piece.from, piece.to)).collect()
     }
 
     /// Largest size of a value so far.
@@ -122,6 +124,14 @@ impl Record {
         }
         if let Some(piece) = self.pieces.last_mut() {
             piece.to = piece.to.min(time.max(piece.from));
+        }
+    }
+
+    /// Forgets pieces at the end that are so short that the one before them goes on over them: steps
+    /// on both sides of an event.
+    pub(super) fn forget_short(&mut self, least: f64) {
+        while self.pieces.len() > 1 && self.pieces.last().is_some_and(|piece| piece.to - piece.from <= least) {
+            self.pop();
         }
     }
 

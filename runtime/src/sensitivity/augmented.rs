@@ -7,13 +7,14 @@
 use std::sync::Arc;
 
 use smpl_compiler::compiled::tangent::{ByInputs, Integrands, Source};
-use smpl_compiler::ir::{Flavour, VarId};
-use smpl_compiler::layout::Memory;
+use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot, Flavour, VarId};
+use smpl_compiler::layout::{Memory, Region};
 
 use super::tangents::Tangents;
+use crate::past::moved::MovedPast;
 use crate::solver::linear::columns::{Columns, each_piece, with_fma};
 use crate::solver::nonnegative::seen;
-use crate::solver::{Following, Pattern, RootKind, System};
+use crate::solver::{Following, Nodes, Pattern, RootKind, System, Within};
 use crate::system::CompiledSystem;
 
 /// An input, or a copy of it at another instant.
@@ -37,6 +38,12 @@ pub(crate) struct Augmented {
     integrals: Option<Integrals>,
     /// Unknowns with nonnegative states at zero or above.
     seen: Vec<f64>,
+    /// Derivatives of the past, if there is one, and the directions that are integrated.
+    pub past: Option<Box<MovedPast>>,
+    live: Vec<usize>,
+    nodes: Nodes,
+    /// Unknowns with derivatives within a step, and their rates.
+    inside: [Vec<f64>; 2],
 }
 
 /// Contributions of moving inputs to the equations.
@@ -44,21 +51,77 @@ struct Inputs {
     compiled: Arc<ByInputs>,
     memory: Memory,
     values: Vec<f64>,
-    /// Row, value, direction and derivative of the input.
-    terms: Vec<(u32, u32, u32, f64)>,
+    terms: Terms,
 }
 
 impl Inputs {
     fn new(compiled: Arc<ByInputs>) -> Self {
-        Self { memory: compiled.memory(), values: vec![0.0; compiled.places().len()], compiled, terms: Vec::new() }
+        Self { memory: compiled.memory(), values: vec![0.0; compiled.places().len()], compiled, terms: Terms::default() }
     }
 
     /// Takes the inputs of an instance and their derivatives.
-    fn take(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) {
+    fn take(&mut self, system: &CompiledSystem, moved: Moved<'_>) {
         self.compiled.take(&mut self.memory, system.memory());
         self.terms.clear();
         for (value, &(row, cell)) in self.compiled.places().iter().enumerate() {
-            add_terms(&mut self.terms, (row, value, cell), tangents, live);
+            self.terms.add(system, (row, value, cell), moved);
+        }
+    }
+}
+
+/// Derivatives of inputs, the directions that are integrated, and the past.
+#[derive(Clone, Copy)]
+struct Moved<'a> {
+    tangents: &'a Tangents,
+    live: &'a [usize],
+    past: Option<&'a MovedPast>,
+}
+
+/// Terms that inputs give along the directions that are integrated.
+#[derive(Default)]
+struct Terms {
+    /// Row, value, direction and derivative of the input.
+    fixed: Vec<(u32, u32, u32, f64)>,
+    /// Row, value, direction and place among the derivatives of delayed values, which change with
+    /// time.
+    delayed: Vec<(u32, u32, u32, u32)>,
+}
+
+impl Terms {
+    fn clear(&mut self) {
+        self.fixed.clear();
+        self.delayed.clear();
+    }
+
+    /// Adds those of an input.
+    fn add(&mut self, system: &CompiledSystem, (row, value, cell): (u32, usize, u32), Moved { tangents, live, past }: Moved<'_>) {
+        let delayed = system.memory().layout().range(Region::Delayed);
+        if let Some(past) = past.filter(|_| delayed.contains(&(cell as usize))) {
+            let (element, slot) = ((cell - delayed.start as u32) / DELAY_SLOTS, (cell - delayed.start as u32) % DELAY_SLOTS);
+            if slot != DelaySlot::Value as u32 {
+                return;
+            }
+            let awake = live.iter().enumerate().filter(|(_, of_all)| past.is_awake(**of_all));
+            let place = |of_all: usize| element * tangents.width() as u32 + of_all as u32;
+            self.delayed.extend(awake.map(|(direction, &of_all)| (row, value as u32, direction as u32, place(of_all))));
+            return;
+        }
+        for (direction, &of_all) in live.iter().enumerate() {
+            let factor = tangents.work(cell as usize, of_all);
+            if factor != 0.0 {
+                self.fixed.push((row, value as u32, direction as u32, factor));
+            }
+        }
+    }
+
+    /// Adds `sign` times the terms to rows of `width` directions.
+    fn write(&self, values: &[f64], past: Option<&MovedPast>, sign: f64, width: usize, out: &mut [f64]) {
+        for &(row, value, direction, factor) in &self.fixed {
+            out[row as usize * width + direction as usize] += sign * factor * values[value as usize];
+        }
+        let Some(past) = past else { return };
+        for &(row, value, direction, place) in &self.delayed {
+            out[row as usize * width + direction as usize] += sign * past.values[place as usize] * values[value as usize];
         }
     }
 }
@@ -71,18 +134,17 @@ struct Integrals {
     /// Integrand, value and unknown; the same for rates of unknowns.
     unknowns: Vec<(u32, u32, u32)>,
     rates: Vec<(u32, u32, u32)>,
-    /// Integrand, value, direction and derivative of the input.
-    terms: Vec<(u32, u32, u32, f64)>,
+    terms: Terms,
 }
 
 impl Integrals {
     fn new(compiled: Arc<Integrands>) -> Self {
         let values = vec![0.0; compiled.places().len()];
-        Self { memory: compiled.memory(), compiled, values, unknowns: Vec::new(), rates: Vec::new(), terms: Vec::new() }
+        Self { memory: compiled.memory(), compiled, values, unknowns: Vec::new(), rates: Vec::new(), terms: Terms::default() }
     }
 
     /// Takes the inputs of an instance and their derivatives.
-    fn take(&mut self, system: &CompiledSystem, tangents: &Tangents, live: &[usize]) {
+    fn take(&mut self, system: &CompiledSystem, moved: Moved<'_>) {
         let Self { compiled, memory, unknowns, rates, terms, .. } = self;
         compiled.take(memory, system.memory());
         unknowns.clear();
@@ -92,7 +154,7 @@ impl Integrals {
             match source {
                 Source::Unknown(at) => unknowns.push((row, value as u32, at)),
                 Source::Rate(at) => rates.push((row, value as u32, at)),
-                Source::Input(cell) => add_terms(terms, (row, value, cell), tangents, live),
+                Source::Input(cell) => terms.add(system, (row, value, cell), moved),
             }
         }
     }
@@ -104,10 +166,13 @@ impl Integrals {
         t: f64,
         (y, yp): (&[f64], &[f64]),
         (s, sp): (&[f64], &[f64]),
-        width: usize,
+        (past, width): (Option<&MovedPast>, usize),
         out: &mut [f64],
     ) {
         out.fill(0.0);
+        if past.is_some() {
+            self.memory.region_mut(Region::Delayed).copy_from_slice(system.region(Region::Delayed));
+        }
         self.compiled.evaluate(system.model(), &mut self.memory, t, (y, yp), &mut self.values);
         for (terms, from) in [(&self.unknowns, s), (&self.rates, sp)] {
             for &(row, value, at) in terms {
@@ -116,19 +181,7 @@ impl Integrals {
                 out.iter_mut().zip(from).for_each(|(out, x)| *out += value * x);
             }
         }
-        for &(row, value, direction, factor) in &self.terms {
-            out[row as usize * width + direction as usize] += factor * self.values[value as usize];
-        }
-    }
-}
-
-/// Adds the terms that an input gives along the directions that are integrated.
-fn add_terms(terms: &mut Vec<(u32, u32, u32, f64)>, (row, value, cell): (u32, usize, u32), tangents: &Tangents, live: &[usize]) {
-    for (direction, &of_all) in live.iter().enumerate() {
-        let factor = tangents.work(cell as usize, of_all);
-        if factor != 0.0 {
-            terms.push((row, value as u32, direction as u32, factor));
-        }
+        self.terms.write(&self.values, past, 1.0, width, out);
     }
 }
 
@@ -150,6 +203,10 @@ impl Augmented {
             integrals: None,
             seen: if system.nonnegative().is_empty() { Vec::new() } else { vec![0.0; system.dimension()] },
             system: system.clone(),
+            past: None,
+            live: Vec::new(),
+            nodes: Nodes::default(),
+            inside: [Vec::new(), Vec::new()],
         }
     }
 
@@ -166,11 +223,15 @@ impl Augmented {
         live: &[usize],
     ) -> Result<(), String> {
         self.system.restore(system.memory().all());
+        self.live.clear();
+        self.live.extend_from_slice(live);
+        self.past.iter_mut().for_each(|past| past.take(tangents));
+        let moved = Moved { tangents, live, past: self.past.as_deref() };
         let model = Arc::clone(system.model());
         if system.quadrature_count() > 0 {
             let compiled = model.integrands(moving).map_err(|e| e.to_string())?;
             let known = self.integrals.take().filter(|integrals| Arc::ptr_eq(&integrals.compiled, &compiled));
-            self.integrals.insert(known.unwrap_or_else(|| Integrals::new(compiled))).take(system, tangents, live);
+            self.integrals.insert(known.unwrap_or_else(|| Integrals::new(compiled))).take(system, moved);
         }
         if moving.is_empty() {
             self.inputs = None;
@@ -178,7 +239,7 @@ impl Augmented {
         }
         let compiled = model.by_inputs(moving).map_err(|e| e.to_string())?;
         let known = self.inputs.take().filter(|inputs| Arc::ptr_eq(&inputs.compiled, &compiled));
-        self.inputs.insert(known.unwrap_or_else(|| Inputs::new(compiled))).take(system, tangents, live);
+        self.inputs.insert(known.unwrap_or_else(|| Inputs::new(compiled))).take(system, moved);
         Ok(())
     }
 
@@ -226,11 +287,22 @@ impl Augmented {
 
     /// Adds `sign` times what inputs that move give.
     fn add_inputs(&mut self, t: f64, (y, yp): (&[f64], &[f64]), sign: f64, out: &mut [f64]) {
+        self.look_back(t, (y, yp));
         let y = seen(self.system.nonnegative(), y, &mut self.seen);
         let Some(Inputs { compiled, memory, values, terms }) = &mut self.inputs else { return };
+        if self.past.is_some() {
+            memory.region_mut(Region::Delayed).copy_from_slice(self.system.region(Region::Delayed));
+        }
         compiled.evaluate(self.system.model(), memory, t, (y, yp), values);
-        for &(row, value, direction, factor) in &*terms {
-            out[row as usize * self.width + direction as usize] += sign * factor * values[value as usize];
+        terms.write(values, self.past.as_deref(), sign, self.width, out);
+    }
+
+    /// Fills the delayed values and their derivatives at a point.
+    pub(crate) fn look_back(&mut self, t: f64, (y, yp): (&[f64], &[f64])) {
+        let Some(moved) = &mut self.past else { return };
+        self.system.look_back(t, y, yp);
+        if let Some(past) = self.system.past_mut() {
+            moved.look_up(past, t);
         }
     }
 }
@@ -457,6 +529,61 @@ impl System for Augmented {
         true
     }
 
+    fn has_past(&self) -> bool {
+        self.system.has_past()
+    }
+
+    fn longest_step(&self) -> f64 {
+        self.system.longest_step()
+    }
+
+    fn crosses(&mut self, at: f64) {
+        self.system.crosses(at);
+    }
+
+    fn begin(&mut self, t: f64, y: &[f64]) {
+        self.system.begin(t, &y[..self.system.dimension()]);
+        let crossed = self.system.past_mut().and_then(|past| past.crossed());
+        self.past.iter_mut().for_each(|past| past.begin(t, crossed));
+    }
+
+    fn begun(&mut self, t: f64, y: &[f64], yp: &[f64], rtol: f64) {
+        let n = self.system.dimension();
+        self.system.begun(t, &y[..n], &yp[..n], rtol);
+    }
+
+    fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        let (n, length) = (self.system.dimension(), self.differential.len());
+        let [mut all, mut rates] = std::mem::take(&mut self.inside);
+        all.resize(length, 0.0);
+        rates.resize(length, 0.0);
+        self.system.record(span, rtol, &mut |t, y, yp| {
+            within(t, &mut all, &mut rates);
+            y.copy_from_slice(&all[..n]);
+            yp.copy_from_slice(&rates[..n]);
+        });
+        self.inside = [all, rates];
+        let mut nodes = std::mem::take(&mut self.nodes);
+        nodes.place(span, length);
+        for (node, time) in nodes.times().into_iter().enumerate() {
+            let (y, yp) = nodes.at_mut(node);
+            within(time, y, yp);
+        }
+        self.record_following(&nodes);
+        self.nodes = nodes;
+    }
+
+    fn record_leading(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        self.system.record(span, rtol, within);
+    }
+
+    fn record_following(&mut self, nodes: &Nodes) {
+        if let Some(past) = &mut self.past {
+            // Differentiable when the integration began, so now.
+            let _ = past.accept(&mut self.system, &self.live, nodes);
+        }
+    }
+
     fn quadrature_count(&self) -> usize {
         self.system.quadrature_count() * (1 + self.width)
     }
@@ -477,10 +604,11 @@ impl System for Augmented {
     }
 
     fn following_integrands(&mut self, t: f64, y: (&[f64], &[f64]), s: (&[f64], &[f64]), out: &mut [f64]) {
+        self.look_back(t, y);
         match &mut self.integrals {
             Some(integrals) => {
                 let y = (seen(self.system.nonnegative(), y.0, &mut self.seen), y.1);
-                integrals.write(&self.system, t, y, s, self.width, out);
+                integrals.write(&self.system, t, y, s, (self.past.as_deref(), self.width), out);
             }
             None => out.fill(0.0),
         }

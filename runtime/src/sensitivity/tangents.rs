@@ -119,6 +119,29 @@ impl Tangents {
         self.chunks.iter().any(|chunk| chunk.work[cells.clone()].iter().any(|tangent| *tangent != STILL))
     }
 
+    /// Takes the derivatives of the rates of all unknowns along these directions from a matrix, row
+    /// after row.
+    pub(crate) fn take_yp(&mut self, rows: &[f64], directions: &[usize]) {
+        for (at, row) in rows.chunks_exact(directions.len().max(1)).enumerate() {
+            directions.iter().zip(row).for_each(|(&direction, &value)| self.set_yp(at, direction, value));
+        }
+    }
+
+    /// Takes all derivatives, along the same directions.
+    pub(crate) fn copy_all(&mut self, from: &Self) {
+        for (to, from) in self.chunks.iter_mut().zip(&from.chunks) {
+            to.y.copy_from_slice(&from.y);
+            to.yp.copy_from_slice(&from.yp);
+            to.work.copy_from_slice(&from.work);
+        }
+    }
+
+    /// Returns `true` if something moves along a direction.
+    pub(crate) fn moves(&self, direction: usize) -> bool {
+        let Some(chunk) = self.chunks.get(direction / LANES) else { return false };
+        chunk.y.iter().chain(&chunk.work).any(|tangent| tangent[direction % LANES] != 0.0)
+    }
+
     /// Takes the derivatives of a part of the workspace, along the same directions.
     pub(crate) fn copy(&mut self, from: &Self, cells: Range<usize>) {
         let chunks = self.chunks.iter_mut().zip(&from.chunks);

@@ -74,6 +74,7 @@ impl SolverOverrides {
             max_steps: self.max_steps.unwrap_or(declared.max_steps),
             max_events: self.max_events.map_or(declared.max_events, NonZeroU32::get),
             max_step: self.max_step.unwrap_or(declared.max_step),
+            pade: declared.pade,
             retry: self.retry.unwrap_or(declared.retry),
             algebraic_error_control: self.algebraic_error_control.unwrap_or(declared.algebraic_error_control),
             quadrature_error_control: self.quadrature_error_control.unwrap_or(declared.quadrature_error_control),

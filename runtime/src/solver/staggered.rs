@@ -1,6 +1,6 @@
 //! IDA for the unknowns, and derivatives along directions that follow them in their own steps.
 
-use super::{Advance, Edge, Following, Ida, Integrator, Pattern, RootKind, Settings, SolveError, Statistics, System};
+use super::{Advance, Edge, Following, Ida, Integrator, Nodes, Pattern, RootKind, Settings, SolveError, Statistics, System, Within};
 
 /// An integrator for systems with directions.
 pub(crate) struct Staggered {
@@ -157,6 +157,34 @@ impl System for Leading<'_> {
 
     fn next_break(&mut self, t: f64) -> f64 {
         self.whole.next_break(t)
+    }
+
+    fn has_past(&self) -> bool {
+        self.whole.has_past()
+    }
+
+    fn longest_step(&self) -> f64 {
+        self.whole.longest_step()
+    }
+
+    fn crosses(&mut self, at: f64) {
+        self.whole.crosses(at);
+    }
+
+    fn begin(&mut self, t: f64, y: &[f64]) {
+        self.whole.begin(t, y);
+    }
+
+    fn begun(&mut self, t: f64, y: &[f64], yp: &[f64], rtol: f64) {
+        self.whole.begun(t, y, yp, rtol);
+    }
+
+    fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        self.whole.record_leading(span, rtol, within);
+    }
+
+    fn record_following(&mut self, nodes: &Nodes) {
+        self.whole.record_following(nodes);
     }
 
     fn depends_on_time(&self) -> bool {

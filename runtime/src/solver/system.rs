@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::Bounds;
+use super::{Bounds, Nodes};
 
 /// A system F(t, y, y') = 0 of `n` equations in `n` unknowns, index 1 at most.
 ///
@@ -199,6 +199,17 @@ pub trait System {
     /// any time.
     fn record(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
         let _ = (span, rtol, within);
+    }
+
+    /// Records an accepted step of the leading unknowns.
+    fn record_leading(&mut self, span: (f64, f64), rtol: f64, within: Within<'_>) {
+        self.record(span, rtol, within);
+    }
+
+    /// Records an accepted step of the derivatives along the directions, which have steps of their
+    /// own.
+    fn record_following(&mut self, nodes: &Nodes) {
+        let _ = nodes;
     }
 
     /// Number of quadratures.

@@ -19,7 +19,7 @@ use super::callbacks::Bridge;
 use super::linear::{Factorisation, columns::all_finite};
 use super::sundials::Context;
 use super::vector::{Operations, Vector};
-use super::{Following, Pattern, Quadratures, Settings, SolveError, System};
+use super::{Following, Nodes, Pattern, Quadratures, Settings, SolveError, System};
 
 /// Steps of the unknowns that one of the derivatives may pass over.
 const PASSED: usize = 8;
@@ -76,6 +76,8 @@ struct Equations {
     differential: Box<[bool]>,
     explicit: bool,
     integrands_read_rates: bool,
+    /// They read their past, which is recorded with each step.
+    has_past: bool,
 }
 
 /// Relative tolerances of both, absolute ones of each number; infinite for what is not tested.
@@ -139,6 +141,8 @@ pub(super) struct Variational {
     formula: Formula,
     pace: Pace,
     path: Path,
+    /// States within the last step, for the past.
+    nodes: Nodes,
 }
 
 impl Variational {
@@ -161,6 +165,7 @@ impl Variational {
                 differential: system.differential()[..n].into(),
                 explicit: system.is_explicit(),
                 integrands_read_rates: false,
+                has_past: system.has_past(),
             },
             max_order: (settings.max_order as usize).min(MAX_ORDER),
             max_steps: settings.max_steps,
@@ -179,6 +184,7 @@ impl Variational {
             formula: Formula::default(),
             pace: Pace { order: 1, length: 0.0, steady: 0, steps: 0 },
             path: Path { passed: (0..PASSED + 1).map(|_| state()).collect(), count: 0, inside: state() },
+            nodes: Nodes::default(),
         })
     }
 
@@ -282,11 +288,13 @@ impl Variational {
             *count += 1;
         }
         let mut rejections = 0;
-        while let Some(time) = self.target(to, end) {
+        let known = if self.equations.has_past { bridge.longest_step()? } else { f64::INFINITY };
+        while let Some(time) = self.target(to, end, known) {
             self.place(bridge, time)?;
             if self.step(bridge)? {
                 rejections = 0;
                 self.pace.steps += 1;
+                self.record(bridge)?;
             } else {
                 rejections += 1;
             }
@@ -315,8 +323,9 @@ impl Variational {
         Ok(())
     }
 
-    /// End of the next step; `None` if it has to wait for the unknowns.
-    fn target(&mut self, to: f64, end: f64) -> Option<f64> {
+    /// End of the next step, which is no longer than `longest`; `None` if it has to wait for the
+    /// unknowns.
+    fn target(&mut self, to: f64, end: f64, longest: f64) -> Option<f64> {
         let now = self.history.times[0];
         if now >= to {
             return None;
@@ -324,9 +333,9 @@ impl Variational {
         if self.pace.length == 0.0 {
             self.pace.length = FIRST * (to - now);
         }
-        let left = end - now;
-        let pieces = (left / self.pace.length - 1e-9).ceil();
-        let step = if pieces <= 4.0 { left / pieces.max(1.0) } else { self.pace.length };
+        let (left, length) = (end - now, self.pace.length.min(longest));
+        let pieces = (left / length - 1e-9).ceil();
+        let step = if pieces <= 4.0 { left / pieces.max(1.0) } else { length };
         let time = if pieces <= 1.0 { end } else { now + step };
         let waits = time > to && to < end && self.path.count <= PASSED;
         (!waits).then_some(time.min(to))
@@ -346,7 +355,7 @@ impl Variational {
         if self.path.count < 2 || time >= self.path.passed[self.path.count - 2].time {
             bridge.interpolate(time, 0, &mut self.path.inside.y)?;
             // What is explicit in its rates has derivatives that do not depend on them.
-            if !self.equations.explicit || self.equations.integrands_read_rates {
+            if !self.equations.explicit || self.equations.integrands_read_rates || self.equations.has_past {
                 bridge.interpolate(time, 1, &mut self.path.inside.yp)?;
             }
             return Ok(());
@@ -430,6 +439,26 @@ impl Variational {
             * ((part(0..own, self.tolerances.rtol[0]) + part(own..self.size.all, self.tolerances.rtol[1])) / self.tolerances.tested).sqrt()
     }
 
+    /// Lets equations that read their past record the last step.
+    fn record(&mut self, bridge: &mut Bridge) -> Result<(), Stuck> {
+        if !self.equations.has_past {
+            return Ok(());
+        }
+        let (n, own) = (self.equations.differential.len(), self.size.own);
+        let mut nodes = std::mem::take(&mut self.nodes);
+        nodes.place((self.history.times[1], self.history.times[0]), n + own);
+        for (node, time) in nodes.times().into_iter().enumerate() {
+            self.place(bridge, time)?;
+            let (y, yp) = nodes.at_mut(node);
+            y[..n].copy_from_slice(self.path.inside.y.entries());
+            yp[..n].copy_from_slice(self.path.inside.yp.entries());
+            self.history.interpolate(self.formula.order, time, &mut y[n..], &mut yp[n..]);
+        }
+        let recorded = bridge.with_past(|system| system.record_following(&nodes));
+        self.nodes = nodes;
+        Ok(recorded?)
+    }
+
     /// The derivative of an unknown that is furthest from its prediction, in tolerances, counted
     /// behind the unknowns; NaN is further than all.
     fn largest(&self, new: &[f64]) -> Option<usize> {
@@ -501,6 +530,29 @@ impl Variational {
         self.history.times[0] = self.path.inside.time;
         self.history.known = (self.history.known + 1).min(POINTS);
     }
+}
+
+impl History {
+    /// Values and rates at a time on the polynomial of an order through the last points.
+    fn interpolate(&self, order: usize, time: f64, values: &mut [f64], rates: &mut [f64]) {
+        values.fill(0.0);
+        rates.fill(0.0);
+        let times = &self.times[..=order];
+        for (i, point) in self.points[..=order].iter().enumerate() {
+            let (weight, rate) = weights(time, times, i);
+            values.iter_mut().zip(point).for_each(|(to, x)| *to += weight * x);
+            rates.iter_mut().zip(point).for_each(|(to, x)| *to += rate * x);
+        }
+    }
+}
+
+/// Lagrange's polynomial of a point, and its derivative.
+fn weights(time: f64, times: &[f64], i: usize) -> (f64, f64) {
+    let others = times.iter().enumerate().filter(|&(j, _)| j != i).map(|(_, &other)| other);
+    others.fold((1.0, 0.0), |(value, rate), other| {
+        let span = times[i] - other;
+        (value * (time - other) / span, (rate * (time - other) + value) / span)
+    })
 }
 
 impl State {

@@ -100,6 +100,7 @@ pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     solver("max_order", Some("max_order"), Takes::Order(|s| &mut s.solver.max_order)),
     solver("max_steps", Some("max_internal_steps"), Takes::Count(|s| &mut s.solver.max_steps)),
     solver("max_step", Some("max_step"), Takes::Duration(|s| &mut s.solver.max_step)),
+    solver("pade", Some("pade"), Takes::Order(|s| &mut s.solver.pade)),
     solver("max_events", Some("max_events"), Takes::Count(|s| &mut s.solver.max_events)),
     solver("linear_solver", Some("linear_solver"), Takes::Name(&LINEAR_SOLVERS)),
     solver("method", None, Takes::Name(&METHODS)),

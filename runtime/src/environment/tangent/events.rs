@@ -6,8 +6,11 @@ use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
 
 use super::space::{BEFORE, BEHIND, Space};
-use super::{Engine, Environment, FollowError, Follower};
+use super::{Direction, Engine, Environment, FollowError, Follower};
+use crate::past::moved::together;
+use crate::past::name_of;
 use crate::sensitivity::augmented::Augmented;
+use crate::sensitivity::tangents::Point;
 use crate::solver::{Advance, System};
 
 /// Two times this near each other, in parts of the larger one, are one; both sides of a break are
@@ -24,8 +27,19 @@ const TOGETHER: f64 = 1e-6;
 /// Extent of a piece of the integration.
 struct Stop {
     time: f64,
-    /// Behind a break at its end, which moves as the space of the follower says.
-    break_: Option<f64>,
+    /// A break at its end, which moves as the space of the follower says, and a time behind it.
+    break_: Option<(f64, f64)>,
+}
+
+/// Beginning of a piece of the integration.
+#[derive(Clone, Copy, PartialEq)]
+enum Beginning {
+    /// That of the step.
+    Step,
+    /// An event.
+    Event,
+    /// A break at this time.
+    Break(f64),
 }
 
 impl Environment {
@@ -38,12 +52,15 @@ impl Environment {
         follower.integrals.fill(0.0);
         follower.moving.clear();
         follower.pending = false;
+        self.system.trim_past(self.begin);
+        if let (Some(moved), Some(past)) = (&mut follower.past, self.system.past_mut()) {
+            moved.trim(past, self.begin);
+        }
         let (end, mut t, mut pieces) = (self.end_time(), self.begin, 0);
+        let mut beginning = Beginning::Step;
         loop {
             self.choose_live(follower, pieces == 0)?;
             self.write_followed(follower);
-            let Follower { engine: Engine { augmented, .. }, tangents, live, moving_inputs, .. } = &mut *follower;
-            augmented.set_inputs(&self.system, tangents, moving_inputs, live).map_err(FollowError::Refused)?;
             if pieces == 0 {
                 // Switches are taken as they are.
                 let edges = follower.engine.integrator.edges_mut();
@@ -53,25 +70,26 @@ impl Environment {
             if pieces > self.setup.max_events.saturating_add(self.setup.settings.max_steps) {
                 return Err(FollowError::Failed(format!("events without end at t = {t}")));
             }
-            let stop = self.next_stop(follower, t, end, pieces)?;
-            self.restart_following(follower, t)?;
-            let advance = if stop.time > t || stop.break_.is_none() {
-                follower.engine.integrator.advance(&mut follower.engine.augmented, stop.time)
-            } else {
-                Ok(Advance::Reached)
-            };
-            let advance = advance.map_err(|e| self.solver_fault(&e, t, follower.live.len()))?;
+            let Follower { engine: Engine { augmented, .. }, tangents, live, moving_inputs, past, .. } = &mut *follower;
+            augmented.past = past.take();
+            augmented.system.exchange_past(&mut self.system);
+            let taken = augmented.set_inputs(&self.system, tangents, moving_inputs, live).map_err(FollowError::Refused);
+            let advanced = taken.and_then(|()| self.advance_piece(follower, (t, end, pieces), beginning));
+            let augmented = &mut follower.engine.augmented;
+            augmented.system.exchange_past(&mut self.system);
+            follower.past = augmented.past.take();
+            let (advance, stop) = advanced?;
             self.take_followed(follower);
             if advance == Advance::Event {
                 let found = follower.engine.integrator.time();
                 let found = if end - found <= 8.0 * f64::EPSILON * (found.abs() + end.abs()) { end } else { found };
                 self.pass_event(follower, (t, found, end))?;
-                t = found;
+                (t, beginning) = (found, Beginning::Event);
                 continue;
             }
-            let Some(behind) = stop.break_ else { break };
-            self.pass_break(follower, behind)?;
-            t = behind;
+            let Some((at, behind)) = stop.break_ else { break };
+            self.pass_break(follower, (at, behind))?;
+            (t, beginning) = (behind, Beginning::Break(at));
         }
         let edges = follower.engine.integrator.edges();
         let count = self.progress.edges.len();
@@ -79,10 +97,33 @@ impl Environment {
         Ok(())
     }
 
+    /// Integrates from the beginning of a piece to its end.
+    fn advance_piece(
+        &mut self,
+        follower: &mut Follower,
+        (t, end, pieces): (f64, f64, u32),
+        beginning: Beginning,
+    ) -> Result<(Advance, Stop), FollowError> {
+        self.restart_following(follower, t, beginning)?;
+        let stop = self.next_stop(follower, t, end, pieces)?;
+        let engine = &mut follower.engine;
+        if stop.time <= t && stop.break_.is_some() {
+            return Ok((Advance::Reached, stop));
+        }
+        match engine.integrator.advance(&mut engine.augmented, stop.time) {
+            Ok(advance) => Ok((advance, stop)),
+            Err(error) => Err(self.solver_fault(&error, t, follower.live.len())),
+        }
+    }
+
     /// Leaves directions out that move nothing in the equations; those that are integrated already
     /// stay, but at the beginning of a step.
     fn choose_live(&mut self, follower: &mut Follower, begins: bool) -> Result<(), FollowError> {
-        let Follower { tangents, moving_inputs, moved, live, .. } = &mut *follower;
+        let Follower { tangents, moving_inputs, moved, live, past, .. } = &mut *follower;
+        if let Some(past) = past {
+            past.wake(tangents);
+            past.write_awake(&self.system, tangents);
+        }
         self.system.model().find_inputs(|cells| tangents.is_active(cells), moving_inputs);
         Augmented::find_moved(&self.system, tangents, moving_inputs, moved).map_err(FollowError::Refused)?;
         if !begins {
@@ -98,8 +139,9 @@ impl Environment {
 
     /// The end, or the next break before it.
     fn next_stop(&mut self, follower: &mut Follower, t: f64, end: f64, pieces: u32) -> Result<Stop, FollowError> {
-        let at = self.system.next_break(t);
         let near = NEAR * t.abs().max(end.abs());
+        let (own, of_past) = (self.system.next_break_of_equations(t), follower.engine.augmented.system.next_break_of_past());
+        let at = own.min(of_past);
         if at.is_nan() || at > end + near || t >= end {
             return Ok(Stop { time: end, break_: None });
         }
@@ -108,22 +150,71 @@ impl Environment {
         if !left_behind && at - width >= end {
             return Ok(Stop { time: end, break_: None });
         }
-        self.run_tangent(follower, Part::NextBreak, (t, &[]), 1)?;
-        let Follower { tangents, space, .. } = follower;
-        space.next_break.clear();
-        space.next_break.extend((0..tangents.width()).map(|j| tangents.output(0, j)));
+        follower.space.next_break.clear();
+        follower.space.next_break.resize(follower.width(), 0.0);
+        if of_past <= at + near {
+            self.find_motion_of_past(follower, t, of_past)?;
+        }
+        if own <= at + near {
+            self.run_tangent(follower, Part::NextBreak, (t, &[]), 1)?;
+            let Follower { tangents, space, .. } = follower;
+            let each = space.next_break.iter_mut().enumerate();
+            each.for_each(|(j, along)| {
+                *along = if of_past <= at + near { together(*along, tangents.output(0, j)) } else { tangents.output(0, j) }
+            });
+        }
         // A break that is not left behind by roundings is by a few more of them.
         let width = if left_behind { width * f64::from(1 + pieces.min(1000)) } else { width };
         let behind = (at.max(t) + width).min(end);
-        Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some(behind) })
+        Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some((at, behind)) })
     }
 
-    fn restart_following(&mut self, follower: &mut Follower, t: f64) -> Result<(), FollowError> {
+    /// Derivatives of the time at which delayed values jump next.
+    fn find_motion_of_past(&mut self, follower: &mut Follower, t: f64, at: f64) -> Result<(), FollowError> {
+        let Follower { engine: Engine { augmented, .. }, space, .. } = follower;
+        let Some(moved) = &mut augmented.past else { return Ok(()) };
+        let point = Point { time: t, moving: &[], y: &self.progress.y, yp: &self.progress.yp };
+        moved.find_lags(&augmented.system, point).map_err(FollowError::Refused)?;
+        if let Some(past) = augmented.system.past_mut() {
+            moved.motion_of_break(past, at, &mut space.next_break);
+        }
+        Ok(())
+    }
+
+    fn restart_following(&mut self, follower: &mut Follower, t: f64, beginning: Beginning) -> Result<(), FollowError> {
         let (n, width) = (self.progress.y.len(), follower.live.len());
         follower.engine.y[..n].copy_from_slice(&self.progress.y);
         follower.engine.yp[..n].copy_from_slice(&self.progress.yp);
         let Engine { integrator, augmented, y, yp } = &mut follower.engine;
-        integrator.restart(augmented, t, y, Some(yp)).map_err(|e| self.solver_fault(&e, t, width))
+        if let Beginning::Break(at) = beginning {
+            augmented.crosses(at);
+        }
+        integrator.restart(augmented, t, y, Some(yp)).map_err(|e| self.solver_fault(&e, t, width))?;
+        self.note_jumps(follower, t, beginning)
+    }
+
+    /// Notes where delayed expressions jump, and where their derivatives may.
+    fn note_jumps(&mut self, follower: &mut Follower, t: f64, beginning: Beginning) -> Result<(), FollowError> {
+        let Follower { engine: Engine { augmented, .. }, moving, directions, step, .. } = follower;
+        let (Some(moved), Some(past)) = (&mut augmented.past, augmented.system.past_mut()) else { return Ok(()) };
+        let first = *step == 0;
+        let starts = |d: &Direction| matches!(d, Direction::ActionIn(of, _) if of == step) || matches!(d, Direction::Disturbance(_));
+        let moves = moving.iter().any(|&tau| tau != 0.0);
+        if match beginning {
+            Beginning::Step => first || directions.iter().any(starts),
+            Beginning::Event => true,
+            Beginning::Break(_) => moves,
+        } {
+            past.mark(t);
+        }
+        let Some((at, element)) = past.jump(t) else { return Ok(()) };
+        if let Some(varying) = past.varying() {
+            let (jumping, varying) = (name_of(self.system.model(), element), name_of(self.system.model(), varying));
+            let text = format!("what `{jumping}` delays jumps at t = {at}, and the dead time of `{varying}` changes within steps");
+            return Err(FollowError::Refused(text));
+        }
+        moved.note_jump(at, moving);
+        Ok(())
     }
 
     /// Takes state, derivatives and integrals from the integrator.
@@ -136,6 +227,7 @@ impl Environment {
         follower.tangents.take_y(&follower.engine.y[n..], &follower.live);
         let (own, others) = follower.engine.integrator.quadratures().split_at(count.min(follower.engine.integrator.quadratures().len()));
         self.integrals.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
+        self.system.look_back(follower.engine.integrator.time(), &self.progress.y, &self.progress.yp);
         let width = follower.width();
         for (sums, parts) in follower.integrals.chunks_exact_mut(width.max(1)).zip(others.chunks_exact(follower.live.len().max(1))) {
             follower.live.iter().zip(parts).for_each(|(&j, part)| sums[j] += part);
@@ -143,16 +235,33 @@ impl Environment {
     }
 
     /// Goes behind a break, whose time may move.
-    fn pass_break(&mut self, follower: &mut Follower, behind: f64) -> Result<(), FollowError> {
+    fn pass_break(&mut self, follower: &mut Follower, (at, behind): (f64, f64)) -> Result<(), FollowError> {
         self.take_rates(follower, BEFORE);
         self.take_integrands(follower, BEFORE, behind, 0.0);
+        self.system.crosses(at);
         self.restart_plain(behind, follower.width())?;
         follower.moving.clone_from(&follower.space.next_break);
         self.take_rates(follower, BEHIND);
         self.take_integrands(follower, BEHIND, behind, 0.0);
+        self.refuse_two_motions(follower, at)?;
         self.shift(follower, BEFORE, 1.0);
         self.shift(follower, BEHIND, -1.0);
         add_moved(follower);
+        Ok(())
+    }
+
+    /// Refuses a break at which two jumps come together that move differently, if rates jump there.
+    fn refuse_two_motions(&mut self, follower: &mut Follower, at: f64) -> Result<(), FollowError> {
+        let Follower { moving, space, .. } = follower;
+        let Some(direction) = moving.iter().position(|tau| tau.is_nan()) else { return Ok(()) };
+        let [before, behind] = &space.rates;
+        let states = before.iter().zip(behind).take(self.system.model().states());
+        let jumps = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
+        if states.into_iter().any(jumps) {
+            let text = format!("delayed values jump together at t = {at}, at times that move differently along direction {direction}");
+            return Err(FollowError::Refused(text));
+        }
+        moving.iter_mut().filter(|tau| tau.is_nan()).for_each(|tau| *tau = 0.0);
         Ok(())
     }
 
@@ -348,7 +457,10 @@ impl Environment {
             along.set_y(unknown, 0, rate);
         }
         std::mem::swap(&mut along, &mut follower.tangents);
+        // The past moves by its rates, which the equations hold.
+        let past = follower.past.take();
         let done = self.follow_algebraic(follower, t, &[1.0]).and_then(|()| self.run_tangent(follower, Part::Roots, (t, &[1.0]), outputs));
+        follower.past = past;
         std::mem::swap(&mut along, &mut follower.tangents);
         let found = done.map(|()| along.output(at, 0));
         follower.along = along;

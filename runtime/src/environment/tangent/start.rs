@@ -4,11 +4,17 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot};
 use smpl_compiler::layout::Region;
 
 use super::{Direction, Environment, FollowError, Follower, ResetOptions};
 use crate::catalogue::{Element, Family};
 use crate::setup::Setup;
+
+/// Most repetitions until derivatives that read each other at the start agree, and the part of one
+/// to which they do.
+const MOST_ROUNDS: u32 = 200;
+const SETTLED: f64 = 4.0 * f64::EPSILON;
 
 impl Follower {
     /// Takes directions, with a magnitude of what each is taken by, so that derivatives are of the
@@ -21,7 +27,7 @@ impl Follower {
         let catalogue = &setup.catalogue;
         let scale = |direction: &Direction| match *direction {
             Direction::State(at) => element(&catalogue.states, at, |e| e.scale),
-            Direction::Action(at) => element(&catalogue.actions, at, Element::range),
+            Direction::Action(at) | Direction::ActionIn(_, at) => element(&catalogue.actions, at, Element::range),
             Direction::Parameter(at) => magnitude(parameters[at].abs()),
             Direction::Discrete(at) => element(&catalogue.discretes, at, |e| e.scale),
             Direction::Disturbance(at) => element(&catalogue.disturbances, at, |e| e.scale),
@@ -56,6 +62,7 @@ impl Environment {
         let setup = Arc::clone(&self.setup);
         follower.tangents.clear();
         follower.moving.clear();
+        follower.past.iter_mut().for_each(|past| past.clear());
         self.follow_parameters(follower)?;
         for direction in 0..follower.directions.len() {
             if let Some((at, scale)) = follower.of(direction, |d| if let Direction::State(at) = d { Some(at) } else { None }) {
@@ -71,11 +78,47 @@ impl Environment {
                 follower.tangents.hold(discretes.start + element.at..discretes.start + element.at + 1);
             }
             follower.seed(&discretes, |d| if let Direction::Discrete(at) = d { Some(at) } else { None });
-            self.follow_algebraic(follower, time, &[])?;
+            self.follow_start(follower, time)?;
         }
         follower.tangents.keep(&self.system, Region::Initial);
         follower.tangents.keep(&self.system, Region::Previous);
-        Ok(())
+        let Some(past) = &mut follower.past else { return Ok(()) };
+        let point = (self.progress.y.as_slice(), self.progress.yp.as_slice());
+        past.start(&mut self.system, &follower.tangents, point).map_err(FollowError::Refused)
+    }
+
+    /// Derivatives of algebraic unknowns at the start, and of delayed values, which are those
+    /// before it: repeatedly, as they read each other.
+    fn follow_start(&mut self, follower: &mut Follower, time: f64) -> Result<(), FollowError> {
+        let elements = self.system.model().model().delayed();
+        let cells = self.system.memory().layout().range(Region::Delayed);
+        follower.tangents.hold(cells.clone());
+        for _ in 0..MOST_ROUNDS {
+            self.follow_algebraic(follower, time, &[])?;
+            if elements == 0 {
+                return Ok(());
+            }
+            let (mut settled, mut given) = (true, false);
+            for element in 0..elements {
+                // What is given is run by itself, at its own time.
+                let before = self.system.past_mut().and_then(|past| past.before_start(element, time));
+                let (part, at) = before.map_or((Part::Delayed, time), |at| (Part::Before, at));
+                if before.is_some() || element == 0 || given {
+                    self.run_tangent(follower, part, (at, &[]), elements)?;
+                }
+                given = before.is_some();
+                let cell = cells.start + element * DELAY_SLOTS as usize + DelaySlot::Value as usize;
+                for j in 0..follower.width() {
+                    let (value, known) = (follower.tangents.output(element, j), follower.tangents.work(cell, j));
+                    settled &= (value - known).abs() <= SETTLED * value.abs();
+                    follower.tangents.set_work(cell, j, value);
+                }
+            }
+            if settled {
+                return Ok(());
+            }
+        }
+        Err(FollowError::Refused("the derivatives of delayed values before the start depend on themselves".into()))
     }
 
     /// Parameters, and those that are computed from them.
@@ -125,7 +168,12 @@ impl Environment {
         let layout = self.system.memory().layout();
         let (actions, disturbances) = (layout.range(Region::Action), layout.range(Region::Disturbance));
         follower.tangents.hold(actions.clone());
-        follower.seed(&actions, |d| if let Direction::Action(at) = d { Some(at) } else { None });
+        let step = follower.step;
+        follower.seed(&actions, |d| match d {
+            Direction::Action(at) if step == 0 => Some(at),
+            Direction::ActionIn(of, at) if step == of => Some(at),
+            _ => None,
+        });
         self.draw_disturbances();
         let begin = self.begin;
         if self.setup.programs.has_disturbances {

@@ -1,0 +1,251 @@
+//! Derivatives of what is recorded of the past, along directions.
+//!
+//! With v the past of a delayed expression, w its derivatives at fixed times and θ the dead time, a
+//! delayed value v(t - θ) has the derivatives w(t - θ) - v'(t - θ) dθ. The equations hold the
+//! second term; the first one is recorded here with each step of the derivatives. Where v jumps at
+//! a time that moves, the delayed value jumps at a time that moves with it and with θ.
+
+use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::ir::DelaySlot;
+use smpl_compiler::layout::Region;
+
+use super::record::{Record, TERMS, nodes};
+use super::{Past, SLOTS};
+use crate::sensitivity::tangents::{Point, Tangents};
+use crate::solver::Nodes;
+use crate::system::CompiledSystem;
+
+/// Two derivatives of one time that differ by more than this part of them are of two jumps.
+const TOGETHER: f64 = 1e-9;
+
+/// Derivatives of the past.
+pub(crate) struct MovedPast {
+    /// Derivatives of inputs and unknowns, for the expressions that are delayed.
+    tangents: Tangents,
+    /// Those of each element along each direction.
+    record: Record,
+    /// Times of jumps that move, and their derivatives; not a number where two jumps at one time
+    /// differ.
+    motions: Vec<(f64, Vec<f64>)>,
+    /// Directions along which something has moved.
+    awake: Vec<bool>,
+    /// Values at the present time.
+    pub(crate) values: Vec<f64>,
+    samples: Vec<f64>,
+    /// The break that was crossed last.
+    crossed: Option<f64>,
+    /// An episode has begun.
+    recorded: bool,
+}
+
+impl MovedPast {
+    /// Of a model along so many directions; `None` for one without delays.
+    pub(crate) fn new(system: &CompiledSystem, width: usize) -> Option<Box<Self>> {
+        let elements = system.model().model().delayed();
+        (elements > 0).then(|| {
+            Box::new(Self {
+                tangents: Tangents::new(system, width),
+                record: Record::new(elements * width),
+                motions: Vec::new(),
+                awake: vec![false; width],
+                values: vec![0.0; elements * width],
+                samples: vec![0.0; TERMS * elements * width],
+                crossed: None,
+                recorded: false,
+            })
+        })
+    }
+
+    /// An episode is about to begin.
+    pub(crate) fn clear(&mut self) {
+        self.record.clear();
+        self.motions.clear();
+        self.awake.fill(false);
+        self.crossed = None;
+        self.recorded = false;
+    }
+
+    fn width(&self) -> usize {
+        self.awake.len()
+    }
+
+    /// Records what was before the start, of which `tangents` hold the derivatives as those of
+    /// delayed values.
+    ///
+    /// # Errors
+    /// In words, if a value before the start cannot be differentiated.
+    pub(crate) fn start(&mut self, system: &mut CompiledSystem, from: &Tangents, (y, yp): (&[f64], &[f64])) -> Result<(), String> {
+        self.tangents.copy_all(from);
+        let Some(past) = system.past_mut().cloned() else { return Ok(()) };
+        let (elements, width) = (past.values.len(), self.width());
+        let first = system.memory().layout().range(Region::Delayed).start;
+        let mut samples = std::mem::take(&mut self.samples);
+        for (from, to) in past.kept.record.spans() {
+            for (node, out) in nodes().into_iter().zip(samples.chunks_exact_mut(elements * width)) {
+                let point = Point { time: from + node * (to - from), moving: &[], y, yp };
+                if past.given.contains(&true) {
+                    self.tangents.run(system, Part::Before, point, elements)?;
+                }
+                for (element, out) in out.chunks_exact_mut(width).enumerate() {
+                    let cell = first + element * SLOTS + DelaySlot::Value as usize;
+                    let tangents = &self.tangents;
+                    let value = |j| if past.given[element] { tangents.output(element, j) } else { tangents.work(cell, j) };
+                    out.iter_mut().enumerate().for_each(|(j, out)| *out = value(j));
+                }
+            }
+            self.record.push(from, (from, to), &samples);
+        }
+        self.samples = samples;
+        self.recorded = true;
+        Ok(())
+    }
+
+    /// An integration begins at a time: what was recorded later is forgotten.
+    pub(crate) fn begin(&mut self, time: f64, crossed: Option<f64>) {
+        self.crossed = crossed;
+        self.record.cut(time);
+        self.motions.retain(|(at, _)| *at <= crossed.unwrap_or(time).max(time));
+    }
+
+    /// Notes which directions move something, from the derivatives of inputs and unknowns.
+    pub(crate) fn wake(&mut self, tangents: &Tangents) {
+        let width = self.width();
+        for (j, awake) in self.awake.iter_mut().enumerate().filter(|(_, awake)| !**awake) {
+            *awake = tangents.moves(j) || (j..self.values.len()).step_by(width).any(|value| self.record.size(value) > 0.0);
+        }
+    }
+
+    /// Marks the delayed values that move as such in the derivatives of the workspace.
+    pub(crate) fn write_awake(&mut self, system: &CompiledSystem, tangents: &mut Tangents) {
+        let width = self.width();
+        let awake = &self.awake;
+        self.values.iter_mut().enumerate().for_each(|(at, value)| *value = if awake[at % width] { 1.0 } else { 0.0 });
+        Self::write(&self.values, system, tangents);
+    }
+
+    /// Takes the derivatives of inputs and unknowns where an integration begins.
+    pub(crate) fn take(&mut self, tangents: &Tangents) {
+        self.tangents.copy_all(tangents);
+    }
+
+    /// Returns `true` if an episode has begun.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.recorded
+    }
+
+    /// Returns `true` if something has moved along a direction.
+    pub(crate) fn is_awake(&self, direction: usize) -> bool {
+        self.awake[direction]
+    }
+
+    /// Derivatives of the delayed values at a time, for the dead times that the past has looked up
+    /// last.
+    pub(crate) fn look_up(&mut self, past: &Past, now: f64) {
+        let width = self.width();
+        let mut spot = None;
+        for (values, (element, &lag)) in self.values.chunks_exact_mut(width).zip(past.kept.lags.iter().enumerate()) {
+            let earlier = now - lag;
+            let found = match spot {
+                Some((known, found)) if known == earlier => found,
+                _ => self.record.locate(earlier, now),
+            };
+            spot = Some((earlier, found));
+            for (j, value) in values.iter_mut().enumerate() {
+                *value = if self.awake[j] { self.record.at(&found, element * width + j).0 } else { 0.0 };
+            }
+        }
+    }
+
+    /// Writes the values that were looked up to the derivatives of the workspace.
+    pub(crate) fn write(values: &[f64], system: &CompiledSystem, tangents: &mut Tangents) {
+        let (first, width) = (system.memory().layout().range(Region::Delayed).start, tangents.width());
+        for (element, values) in values.chunks_exact(width).enumerate() {
+            let cell = first + element * SLOTS + DelaySlot::Value as usize;
+            values.iter().enumerate().for_each(|(j, &value)| tangents.set_work(cell, j, value));
+        }
+    }
+
+    /// Records a step of the derivatives from its nodes, along those directions that are
+    /// integrated; along others derivatives of unknowns stay.
+    ///
+    /// # Errors
+    /// In words, if a delayed expression cannot be differentiated.
+    pub(crate) fn accept(&mut self, system: &mut CompiledSystem, live: &[usize], nodes: &Nodes) -> Result<(), String> {
+        let (n, width, elements) = (system.model().unknowns(), self.width(), self.values.len() / self.width().max(1));
+        let times = nodes.times();
+        let (from, to) = (times[0], times[TERMS - 1]);
+        if !self.recorded || to <= from {
+            return Ok(());
+        }
+        self.record.cut(from);
+        let mut samples = std::mem::take(&mut self.samples);
+        for (node, out) in samples.chunks_exact_mut(elements * width).enumerate() {
+            let (time, (y, yp)) = (times[node], nodes.at(node));
+            system.look_back(time, &y[..n], &yp[..n]);
+            if let Some(past) = system.past_mut() {
+                self.look_up(past, time);
+            }
+            Self::write(&self.values, system, &mut self.tangents);
+            self.tangents.take_y(&y[n..], live);
+            self.tangents.take_yp(&yp[n..], live);
+            let point = Point { time, moving: &[], y: &y[..n], yp: &yp[..n] };
+            self.tangents.run(system, Part::Delayed, point, elements)?;
+            for (element, out) in out.chunks_exact_mut(width).enumerate() {
+                out.iter_mut().enumerate().for_each(|(j, out)| *out = self.tangents.output(element, j));
+            }
+        }
+        let behind = self.crossed.take().filter(|at| *at <= from).unwrap_or(from);
+        self.record.push(behind, (from, to), &samples);
+        self.samples = samples;
+        Ok(())
+    }
+
+    /// Notes that a delayed expression jumps at a time, which moves like this.
+    pub(crate) fn note_jump(&mut self, time: f64, moving: &[f64]) {
+        let known = self.motions.iter_mut().find(|(at, _)| super::marks::are_near(*at, time));
+        let still = |j: usize| moving.get(j).copied().unwrap_or(0.0);
+        let width = self.awake.len();
+        match known {
+            Some((_, along)) => along.iter_mut().enumerate().for_each(|(j, along)| *along = together(*along, still(j))),
+            None => self.motions.push((time, (0..width).map(still).collect())),
+        }
+    }
+
+    /// Derivatives of the time of the breaks at a time at which delayed values jump. `tangents` hold
+    /// those of the dead times as outputs. Not a number where they differ.
+    pub(crate) fn motion_of_break(&self, past: &Past, at: f64, out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(self.width(), 0.0);
+        let mut first = true;
+        for (source, lag) in past.kept.marks.jumps_at(at) {
+            let of_source = self.motions.iter().find(|(at, _)| super::marks::are_near(*at, source)).map(|(_, along)| along);
+            for element in past.elements_with(lag) {
+                for (j, out) in out.iter_mut().enumerate() {
+                    let own = of_source.map_or(0.0, |along| along[j]) + self.tangents.output(element, j);
+                    *out = if first { own } else { together(*out, own) };
+                }
+                first = false;
+            }
+        }
+    }
+
+    /// Finds the derivatives of the dead times at a point, as outputs.
+    ///
+    /// # Errors
+    /// In words, if they cannot be differentiated.
+    pub(crate) fn find_lags(&mut self, system: &CompiledSystem, point: Point<'_>) -> Result<(), String> {
+        self.tangents.run(system, Part::Lags, point, self.values.len() / self.width().max(1))
+    }
+
+    /// Forgets what no dead time reaches from a time on.
+    pub(crate) fn trim(&mut self, past: &Past, time: f64) {
+        let reach = time - past.longest * (1.0 + super::SLACK);
+        self.record.trim(reach);
+        self.motions.retain(|(at, _)| *at >= reach);
+    }
+}
+
+/// The derivative that two have in common; not a number where they differ.
+pub(crate) fn together(a: f64, b: f64) -> f64 {
+    if (a - b).abs() <= TOGETHER * a.abs().max(b.abs()) { a } else { f64::NAN }
+}
