@@ -69,8 +69,7 @@ observe X_A, X_L, X_D, S, EtOH, DY, EA, elapsed
 level online "clock and gravity; cells, ethanol and flavours are hidden" {
   observe elapsed, S noise normal(0, 0.5)
 }
-level laboratory "with samples twice a day: cells and ethanol two hours later, flavours six" {
-  observe elapsed, S noise normal(0, 0.5)
+level laboratory extends online "with samples twice a day: cells and ethanol two hours later, flavours six" {
   observe biomass in 0..45 every 12 delay 2 noise normal(0, 0.1), EtOH every 12 delay 2 noise normal(0, 0.5)
   observe DY every 12 delay 6 noise normal(0, 0.02), EA every 12 delay 6 noise normal(0, 0.02)
 }

@@ -135,32 +135,27 @@ param spread = 0.05 in 0..1    "half width of the initial distribution, relative
 
 steady { V1 = 3000, V2 = 2976.932623327295, h = 15, col.c = 0, col.cp = 0, col.q1 = 0, col.q2 = 0, acc = 0 }
 
-initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip inner_low(x)..inner_high(x)
-    for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)
-when start_clip = legacy {
-  initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread)
-      for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)
-}
+set vessels = (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)
+
+initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread) clip inner_low(x)..inner_high(x)    for x in vessels
+when start_clip = legacy { initial x ~ value(steady(x)) * uniform(1 - spread, 1 + spread)    for x in vessels }
 
 # ---- Observations ----
 
 observe x for x in states
 
 level plant "tanks, both ends of the column, its content" {
-  observe Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf
-  observe col.c[1], col.c[n_z], m_col in 0..1e7
+  observe vessels, col.c[1], col.c[n_z], m_col in 0..1e7
 }
 level online "volumes, temperature, level of the buffer tank and both ends of the column by ultraviolet; the culture's composition is hidden" {
   observe V1, V2, T noise normal(0, 0.05), h
   observe c_buf noise normal(0, 1), outlet : mg/L = col.outlet.c in 0..2000 noise normal(0, 1)
 }
-level laboratory "with cells, metabolites and titre once a day, four hours late" {
-  observe V1, V2, T noise normal(0, 0.05), h
-  observe c_buf noise normal(0, 1), outlet : mg/L = col.outlet.c in 0..2000 noise normal(0, 1)
+level laboratory extends online "with cells, metabolites and titre once a day, four hours late" {
   observe x every 24 delay 4 for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1)
 }
 level upstream "tanks" {
-  observe Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf
+  observe vessels
 }
 
 # ---- Rewards ----
@@ -172,21 +167,19 @@ when yield_window = legacy      { let share = 1 - col.outlet.c / (col.c[1] + 1e-
 
 reward yield : mg/min default = max(-100 [mg/min], made*share)    "productivity times the share that the column holds back"
 reward productivity : mg/min  = max(-100 [mg/min], made)          "antibody leaving the reactor and the separator"
-reward setpoint = max(-100, -mean(sq((x - steady(x))/scale(x))
-                                  for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf)))
+reward setpoint           = max(-100, -mean(sq((x - steady(x))/scale(x)) for x in vessels))
 reward captured : mg/min  = integral(F_out*(c_buf - col.outlet.c)) / step    "antibody bound by the column"
 reward collected : mg/min = (m_collected - previous(m_collected)) / step     "antibody handed to the elution"
 
 # ---- Ends ----
 
-fail box when max(excess(x) for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2,
-                                      T, h, c_buf)) > 0    "a tank outside its box"
+fail box when max(excess(x) for x in vessels) > 0    "a tank outside its box"
 fail tank_empty event h <= 0.1 [dm]    "the buffer tank has run empty"
 
 when box_test = legacy {
   fail box when any(value(x)/value(scale(x)) < single(value(low(x))/value(scale(x)))
                     or value(x)/value(scale(x)) > single(single(value(high(x))/value(scale(x)))*single(1.05))
-                    for x in (Xv1, Xt1, GLC1, GLN1, LAC1, AMM1, mAb1, V1, Xv2, Xt2, GLC2, GLN2, LAC2, AMM2, mAb2, V2, T, h, c_buf))
+                    for x in vessels)
 }
 when tank_guard = legacy { fail tank_empty event h <= 1e-6 [dm] }
 

@@ -458,16 +458,11 @@ at end {
 observe time : h = k*step in 0..552, pH in 0..16.10523, T in 118.98977..725.6828
 observe Fa in 0..13.717274, Fb in 0..540, Fc in 0..3600.0002, Fh in 0..1892.07874, Wt in 25003.258..253840.11, DO2 in 0..47.898834
 
-level online "with the analysis of the off-gas" {
-  observe time : h = k*step in 0..552, pH in 0..16.10523, T in 118.98977..725.6828
-  observe Fa in 0..13.717274, Fb in 0..540, Fc in 0..3600.0002, Fh in 0..1892.07874, Wt in 25003.258..253840.11, DO2 in 0..47.898834
+level online extends default "with the analysis of the off-gas" {
   observe O2 in 0..1, CO2out in 0..100
 }
 
-level laboratory "with penicillin, precursor, ammonia and viscosity of a sample every twelve hours, four hours late" {
-  observe time : h = k*step in 0..552, pH in 0..16.10523, T in 118.98977..725.6828
-  observe Fa in 0..13.717274, Fb in 0..540, Fc in 0..3600.0002, Fh in 0..1892.07874, Wt in 25003.258..253840.11, DO2 in 0..47.898834
-  observe O2 in 0..1, CO2out in 0..100
+level laboratory extends online "with penicillin, precursor, ammonia and viscosity of a sample every twelve hours, four hours late" {
   observe P every 60 delay 20 noise normal(0, 0.2), PAA every 60 delay 20 noise normal(0, 20)
   observe NH3 every 60 delay 20 noise normal(0, 20), visc every 60 delay 20 noise normal(0, 0.5)
 }

@@ -90,7 +90,8 @@ impl CompiledModel {
 
 /// Texts to a flat model.
 fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options: &Options) -> Result<(Model, Faults), Faults> {
-    let texts = read(sources, main, options.extra, loader);
+    let data: Vec<String> = options.files().map(str::to_owned).collect();
+    let texts = read(sources, main, options.extra, &data, loader);
     // Of so many faults not all are known, so that what follows from them could not be told from
     // what does not.
     if texts.faults.more() > 0 {

@@ -28,6 +28,7 @@ mod declare;
 mod episode;
 mod equations;
 mod expansions;
+mod formula;
 mod hidden;
 mod instances;
 mod ledger;
@@ -67,7 +68,7 @@ pub use episode::{block_entries, is_entry_setting};
 pub use equations::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};
 pub(crate) use lower::nests::for_each_element;
-pub use options::{Options, Setting};
+pub use options::{Given, GivenData, Options, Setting};
 
 /// Result of elaboration: the model before structure analysis, and its equations.
 #[derive(Debug)]
@@ -152,6 +153,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
         sample_faults(input, &unused).into_iter().for_each(|fault| lowering.ledger.report(fault));
         if input.options.lints && !lowering.ledger.reports.has_errors() {
             check::lints::lint(&mut lowering, &control);
+            check::balances::lint_masses(&mut lowering);
         }
         passed = Some((equations, control));
     }
@@ -191,6 +193,7 @@ fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     let equations = equations::elaborate_equations(l);
     let control = episode::elaborate_control(l);
     check::unused::check_unused(l);
+    check::balances::check_elements(l);
     (equations, control)
 }
 

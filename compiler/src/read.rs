@@ -31,14 +31,15 @@ pub struct Read {
 /// Files of data by the paths that name them: where each is among the sources, and its text.
 pub type Data = HashMap<String, (FileId, String)>;
 
-/// Reads the main file and what it imports into `sources`, without parsing more than that takes.
-pub fn read_sources(sources: &mut SourceMap, main: FileId, loader: &mut Loader) {
-    on_own_stack(|| read(sources, main, None, loader));
+/// Reads the main file, what it imports, and further files of data into `sources`, without parsing
+/// more than that takes.
+pub fn read_sources(sources: &mut SourceMap, main: FileId, more: &[String], loader: &mut Loader) {
+    on_own_stack(|| read(sources, main, None, more, loader));
 }
 
 /// The main file and what it imports, each once. The statements of `extra` follow those of the main
-/// file as if they stood there.
-pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader: &mut Loader) -> Read {
+/// file as if they stood there; `more` are paths of data that they do not name.
+pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, more: &[String], loader: &mut Loader) -> Read {
     let mut out = Read { files: Vec::new(), imports: HashMap::new(), ids: vec![main], data: Data::new(), faults: Faults::default() };
     let mut at = 0;
     while let Some(&id) = out.ids.get(at) {
@@ -61,7 +62,7 @@ pub fn read(sources: &mut SourceMap, main: FileId, extra: Option<FileId>, loader
         }
     }
     // Data come last: files of the language are numbered from 0 on.
-    let mut paths = Vec::new();
+    let mut paths = more.to_vec();
     out.files.iter().for_each(|file| data_of(&file.statements, &mut paths));
     for path in paths {
         if out.data.contains_key(&path) || out.ids.len() + out.data.len() >= MAX_FILES {
@@ -80,6 +81,9 @@ fn data_of(statements: &[Statement], out: &mut Vec<String>) {
     for statement in statements {
         match &statement.kind {
             StatementKind::TimeTable(TimeTable { points: TablePoints::File { path, .. }, .. }) => out.push(path.clone()),
+            StatementKind::Declare { declarations, .. } => {
+                out.extend(declarations.iter().filter_map(|d| d.measured.as_ref()).map(|measured| measured.path.clone()));
+            }
             StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => {
                 data_of(body, out);
             }

@@ -16,7 +16,7 @@
 
 mod names;
 
-use crate::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind, Ident, UnaryOp, UnitBase, UnitExpr};
+use crate::syntax::{BY_MEMBER, BinaryOp, Binder, BinderSet, Expr, ExprKind, Ident, UnaryOp, UnitBase, UnitExpr};
 
 pub use names::{name, number};
 
@@ -91,6 +91,8 @@ fn built(expr: &Expr) -> (String, Level) {
         ExprKind::Number { value, unit: Some(written) } => (format!("{}\\,{}", number(*value), unit(written)), Level::Product),
         ExprKind::Bool(value) => (format!("\\text{{{value}}}"), Level::Atom),
         ExprKind::Name(_) | ExprKind::Member(..) | ExprKind::Index(..) => (symbol(expr), Level::Atom),
+        ExprKind::Call { function, arguments } if function.text == "in" => (membership(arguments), Level::Comparison),
+        ExprKind::Call { function, arguments } if function.text == BY_MEMBER => (by_member(arguments), Level::Product),
         ExprKind::Call { function, arguments } => (call(function, arguments), call_level(function)),
         ExprKind::Reduce { function, body, binders, condition } => {
             (reduction(function, body, binders, condition.as_deref()), Level::Product)
@@ -104,6 +106,21 @@ fn built(expr: &Expr) -> (String, Level) {
         ExprKind::As(inner, written) => (format!("{}\\,{}", typeset(inner, Level::Product), unit(written)), Level::Product),
         ExprKind::Tuple(items) => (parenthesised(&list(items)), Level::Atom),
     }
+}
+
+/// `i in solids`, `i in {A, B}`
+fn membership(arguments: &[Expr]) -> String {
+    match arguments {
+        [index, set] => format!("{} \\in {}", expression(index), expression(set)),
+        [index, members @ ..] => format!("{} \\in \\left\\lbrace {}\\right\\rbrace", expression(index), list(members)),
+        [] => String::new(),
+    }
+}
+
+/// `{ A: 1, B: 2 }`
+fn by_member(arguments: &[Expr]) -> String {
+    let rows: Vec<String> = arguments[1..].chunks(2).map(|pair| pair.iter().map(expression).collect::<Vec<_>>().join(": & ")).collect();
+    format!("\\begin{{cases}} {} \\end{{cases}}", rows.join(" \\\\ "))
 }
 
 fn number_level(value: f64) -> Level {

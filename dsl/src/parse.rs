@@ -8,6 +8,7 @@ mod expression;
 mod message;
 mod parts;
 mod problem;
+mod reaction;
 mod rules;
 mod statement;
 mod table;

@@ -52,8 +52,9 @@ pub enum StatementKind {
     Time { name: Ident, unit: UnitExpr },
     /// `unit USD`, a unit with a new dimension; `unit kUSD = 1000 [USD]`
     Unit { name: Ident, size: Option<Expr>, text: Option<String> },
-    /// `set species = { tropine, DMF }` or `set class = 1..9`
-    Set { name: Ident, members: SetMembers, text: Option<String> },
+    /// `set species = { tropine, DMF }`, `set species = { S "C6H12O6", O2 "O2" }` or `set class =
+    /// 1..9`
+    Set { name: Ident, members: SetMembers, formulas: Vec<(Ident, Ident)>, text: Option<String> },
     /// `table M[species] : g/mol = { ... }`, and the form with columns
     Table(Table),
     /// `table Fs_recipe : L/h over time : h until { 3: 8, 12: 15 }`
@@ -68,6 +69,8 @@ pub enum StatementKind {
     Domain(Domain),
     /// `flux J[i in species, z] : unit = expr, low = expr, high = expr`
     Flux(Flux),
+    /// `reaction growth: S + 2 O2 -> 1.1 X rate mu*X`
+    Reaction(Reaction),
     /// `connector Stream { Q : L/min, c[species] : mol/L }`
     Connector { name: Ident, members: Vec<Declaration> },
     /// `component TubularReactor(n_cells = 40) { ... }`, `component B extends A { ... }`
@@ -126,6 +129,8 @@ pub enum StatementKind {
     TestStep(TestStep),
     /// `variant vacuole_flux "text" { overriding statements }`
     Variant { name: Ident, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
+    /// `remove state_box`, `remove eq d/dt T`: a statement that a variant takes out
+    Remove { kind: Option<Ident>, target: Expr },
     /// `choice axial_scheme = central | downwind "text"`
     Choice { name: Ident, options: Vec<Ident>, text: Option<String> },
     /// `when axial_scheme = downwind { overriding statements }`
@@ -153,7 +158,7 @@ pub enum Role {
     Random,
 }
 
-/// `name[i in set, z] named "n{}" : unit = value ~ sample in low..high scale s nonnegative prefer
+/// `name[i in set, z] named "n{}" : unit from "file" linear = value ~ sample in low..high scale s nonnegative prefer
 /// "text"`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Declaration {
@@ -165,6 +170,8 @@ pub struct Declaration {
     pub pattern: Option<String>,
     /// Unit after the colon; `None` where none was written.
     pub unit: Option<UnitExpr>,
+    /// `from "weather.csv" linear`: data that a disturbance follows.
+    pub measured: Option<Box<Measured>>,
     /// After `=`: default, definition (`let`), or initial value.
     pub value: Option<Expr>,
     /// After `~`: distribution drawn at reset (`param`), update rule (`disturbance`).
@@ -185,6 +192,22 @@ pub struct Declaration {
     pub span: Span,
 }
 
+/// `from "weather.csv" linear outside cyclic`: data over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Path as written.
+    pub path: String,
+    /// Place of the path.
+    pub path_span: Span,
+    /// Interpolation between the points.
+    pub kind: TimeTableKind,
+    /// Word after `outside`.
+    pub outside: Option<Ident>,
+    /// Reading of the data at the present time: a call, without arguments, of a function whose
+    /// name no text can have.
+    pub read: Expr,
+}
+
 /// `clip bounds` or `clip low..high`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Clip {
@@ -201,6 +224,8 @@ pub enum SetMembers {
     Names(Vec<Ident>),
     /// `1..9`: integers, both ends included
     Range(Expr, Expr),
+    /// `species - solids`: members of other sets; `(c_A, T, h)`: variables
+    Of(Expr),
 }
 
 /// `i in species`, `z`, `z in 2..n`, `x in (c_A, T, h)`
@@ -223,7 +248,7 @@ pub enum BinderSet {
     Set(Ident),
     /// `z in 2..n`: cell numbers of the domain `z`, or integers
     Range(Box<Expr>, Box<Expr>),
-    /// `x in (c_A, T, h)`, `i in {D, E, F}`
+    /// `x in (c_A, T, h)`, `i in {D, E, F}`, `i in species - solids`
     Tuple(Vec<Expr>),
 }
 
@@ -370,6 +395,28 @@ pub struct Flux {
     pub high: Option<Expr>,
 }
 
+/// `reaction growth[z]: S + 2 O2 -> 1.1 X rate mu*X[z] "text"`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reaction {
+    /// Name and indices; the value is the rate, `rate[growth, z]` of an array where none is written.
+    pub declaration: Declaration,
+    /// The rate is written.
+    pub rated: bool,
+    /// Both sides.
+    pub terms: Vec<ReactionTerm>,
+}
+
+/// A species on a side of a reaction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReactionTerm {
+    /// On the left side.
+    pub consumed: bool,
+    /// Stoichiometric coefficient; 1 where left out.
+    pub coefficient: Option<Expr>,
+    /// The species: a member of a set, or an index of the reaction.
+    pub species: Ident,
+}
+
 /// One observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
@@ -433,7 +480,8 @@ pub enum ExprKind {
     Member(Box<Expr>, Ident),
     /// `c[i, z-1]`
     Index(Box<Expr>, Vec<Expr>),
-    /// `exp(x)`, `steady(x)`, `div(J)`
+    /// `exp(x)`, `steady(x)`, `div(J)`; `i in solids` is a call of `in`, and `{ A: 1, B: 2 }` one of
+    /// [`BY_MEMBER`]
     Call { function: Ident, arguments: Vec<Expr> },
     /// `sum(e for i in set, j in other if condition)`; function is sum, product, min, max, mean,
     /// any, all
@@ -451,6 +499,10 @@ pub enum ExprKind {
     /// `(a, b, c)`
     Tuple(Vec<Expr>),
 }
+
+/// Function of the call that values by member are: its arguments are the indices of the array, then
+/// members and values in turn.
+pub const BY_MEMBER: &str = "by member";
 
 /// Prefix operators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

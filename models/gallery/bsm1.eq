@@ -14,12 +14,12 @@ model BSM1 "Benchmark Simulation Model no. 1: five activated-sludge tanks, a ten
 
 time t : d
 
-# ---- Components and processes ----
+# ---- Components and constants ----
 
 set components = { S_I, S_S, X_I, X_S, X_BH, X_BA, X_P, S_O, S_NO, S_NH, S_ND, X_ND, S_ALK }
 set solubles = { S_I, S_S, S_O, S_NO, S_NH, S_ND, S_ALK }
 set cod_solids = { X_I, X_S, X_BH, X_BA, X_P }    # 0.75 g suspended solids per g COD
-set solids = { X_I, X_S, X_BH, X_BA, X_P, X_ND }
+set solids = components - solubles
 
 param Y_H  = 0.67    "yield of heterotrophs, g COD per g COD"
 param Y_A  = 0.24    "yield of autotrophs, g COD per g N"
@@ -42,19 +42,6 @@ param b_A   : 1/d       = 0.05    "decay of autotrophs"
 param K_OA  : g/m^3     = 0.4     "half-saturation of autotrophs, oxygen"
 param k_a   : m^3/(g d) = 0.05    "ammonification"
 
-# The Petersen matrix. Alkalinity counts in mol/m^3 where the others count in g/m^3.
-table nu[processes, components] default 0 {
-  growth_H: S_S = -1/Y_H, X_BH = 1, S_O = -(1 - Y_H)/Y_H, S_NH = -i_XB, S_ALK = -i_XB/14
-  growth_anoxic: S_S = -1/Y_H, X_BH = 1, S_NO = -(1 - Y_H)/(2.86*Y_H), S_NH = -i_XB, S_ALK = (1 - Y_H)/(14*2.86*Y_H) - i_XB/14
-  growth_A: X_BA = 1, S_O = -(4.57 - Y_A)/Y_A, S_NO = 1/Y_A, S_NH = -i_XB - 1/Y_A, S_ALK = -i_XB/14 - 1/(7*Y_A)
-  decay_H: X_S = 1 - f_P, X_BH = -1, X_P = f_P, X_ND = i_XB - f_P*i_XP
-  decay_A: X_S = 1 - f_P, X_BA = -1, X_P = f_P, X_ND = i_XB - f_P*i_XP
-  ammonification: S_NH = 1, S_ND = -1, S_ALK = 1/14
-  hydrolysis: S_S = 1, X_S = -1
-  hydrolysis_N: S_ND = 1, X_ND = -1
-}
-set processes = { growth_H, growth_anoxic, growth_A, decay_H, decay_A, ammonification, hydrolysis, hydrolysis_N }
-
 # ---- Units ----
 
 connector Stream { Q : m^3/d, c[components] : g/m^3 }
@@ -67,20 +54,22 @@ component Tank "aerated, well mixed" {
   port inlet, outlet : Stream
   var  kLa : 1/d
   state c[i in components] : g/m^3 = c_0[i] in 0..20000 scale 10
-  var rho[processes] : g/(m^3 d)    "rates of the processes"
   let aerobic = c[S_O]/(K_OH + c[S_O])
   let anoxic  = K_OH/(K_OH + c[S_O]) * c[S_NO]/(K_NO + c[S_NO])
   let monod   = c[S_S]/(K_S + c[S_S])
   let hydro   = k_h * c[X_BH]/(K_X*c[X_BH] + c[X_S]) * (aerobic + eta_h*anoxic)
-  eq rho[growth_H]       = mu_H * monod * aerobic * c[X_BH]
-  eq rho[growth_anoxic]  = mu_H * monod * anoxic * eta_g * c[X_BH]
-  eq rho[growth_A]       = mu_A * c[S_NH]/(K_NH + c[S_NH]) * c[S_O]/(K_OA + c[S_O]) * c[X_BA]
-  eq rho[decay_H]        = b_H * c[X_BH]
-  eq rho[decay_A]        = b_A * c[X_BA]
-  eq rho[ammonification] = k_a * c[S_ND] * c[X_BH]
-  eq rho[hydrolysis]     = hydro * c[X_S]
-  eq rho[hydrolysis_N]   = hydro * c[X_ND]
-  eq d/dt c[i] = inlet.Q/V * (inlet.c[i] - c[i]) + sum(nu[p, i]*rho[p] for p in processes)
+  # Alkalinity counts in mol/m^3 where the others count in g/m^3.
+  reaction growth_H: (1/Y_H) S_S + (1/Y_H - 1) S_O + i_XB S_NH + (i_XB/14) S_ALK -> X_BH    rate mu_H * monod * aerobic * c[X_BH]
+  reaction growth_anoxic: (1/Y_H) S_S + ((1 - Y_H)/(2.86*Y_H)) S_NO + i_XB S_NH + (i_XB/14) S_ALK
+      -> X_BH + ((1 - Y_H)/(14*2.86*Y_H)) S_ALK    rate mu_H * monod * anoxic * eta_g * c[X_BH]
+  reaction growth_A: ((4.57 - Y_A)/Y_A) S_O + (i_XB + 1/Y_A) S_NH + (i_XB/14 + 1/(7*Y_A)) S_ALK
+      -> X_BA + (1/Y_A) S_NO    rate mu_A * c[S_NH]/(K_NH + c[S_NH]) * c[S_O]/(K_OA + c[S_O]) * c[X_BA]
+  reaction decay_H: X_BH -> (1 - f_P) X_S + f_P X_P + (i_XB - f_P*i_XP) X_ND    rate b_H * c[X_BH]
+  reaction decay_A: X_BA -> (1 - f_P) X_S + f_P X_P + (i_XB - f_P*i_XP) X_ND    rate b_A * c[X_BA]
+  reaction ammonification: S_ND -> S_NH + (1/14) S_ALK    rate k_a * c[S_ND] * c[X_BH]
+  reaction hydrolysis: X_S -> S_S        rate hydro * c[X_S]
+  reaction hydrolysis_N: X_ND -> S_ND    rate hydro * c[X_ND]
+  eq d/dt c[i] = inlet.Q/V * (inlet.c[i] - c[i]) + source[i]
                  + (if i == S_O then kLa*(S_Osat - c[i]) else 0 [g/(m^3 d)])    for i in components
   eq outlet.Q    = inlet.Q
   eq outlet.c[i] = c[i]    for i in components

@@ -75,7 +75,10 @@ def density(T, r0, r1, r2) = (r0 + (r1 + r2*above(T))*above(T))*lb/ft3
 
 # ---- Reactions ----
 
-set reactions = { r1, r2, r3, r4 }
+reaction r1: A + C + D -> G
+reaction r2: A + C + E -> H
+reaction r3: A + E -> F
+reaction r4: 1.5 D -> F
 
 table over reactions "rate constants: lbmol/(h ft3) from partial pressures in mmHg †; heat released" {
   columns: ln_k0 [1], E_a [cal/mol], Q_r [cal/mol]
@@ -83,12 +86,6 @@ table over reactions "rate constants: lbmol/(h ft3) from partial pressures in mm
   r2: 3.00094014,                   20000, 0.05e6/1.8
   r3: 53.4060443,                   60000, 0
   r4: 53.4060443 + ln(0.767488334), 60000, 0
-}
-table nu[reactions, species] default 0 "stoichiometry" {
-  r1: A = -1, C = -1, D = -1, G = 1
-  r2: A = -1, C = -1, E = -1, H = 1
-  r3: A = -1, E = -1, F = 1
-  r4: D = -1.5, F = 1
 }
 table order[reactions, species] default 0 "orders in the partial pressures" {
   r1: A = 1.1544, C = 0.3735, D = 1
@@ -235,8 +232,8 @@ let F9 : kmol/h = pos[purge]*15.1169*lb_h*drop(p[separator], 1 [atm])/M_G[separa
 
 # ---- Reactor ----
 
-let k_r[j in reactions] = exp(ln_k0[j] - E_a[j]/(R_kin*kelvin(T[reactor])))*lbmol_h/ft3
-let r[j in reactions]   = k_r[j]*product((p_i[reactor, i]/mmHg)^order[j, i] for i in species if order[j, i] > 0)*V_G[reactor]    # kmol/h
+let k_r[j in reactions]  = exp(ln_k0[j] - E_a[j]/(R_kin*kelvin(T[reactor])))*lbmol_h/ft3
+let rate[j in reactions] = k_r[j]*product((p_i[reactor, i]/mmHg)^order[j, i] for i in species if order[j, i] > 0)*V_G[reactor]    # kmol/h
 
 param T_w   : degC      = 35                           "inlet of the coolant"
 param m_w   : kg        = 7060*lb                      "coolant in the reactor's tubes"
@@ -249,8 +246,8 @@ let wetted              = clip(0.025*V_L[reactor]/(7.8*ft3) - 0.25, 0, 1)    # s
 let UA_r   : Mcal/(h K) = wetted*(-0.5*sq(speed) + 2.75*speed - 2.5)*0.855490*MMBtu/1 [h K]    "heat transfer †"
 let Q_w    : Mcal/h     = UA_r*(T[reactor] - T_wr)                                             "heat to the coolant"
 
-eq d/dt N[reactor, i] = F6*y_m[i] - F7*y[reactor, i] + sum(nu[j, i]*r[j] for j in reactions)    for i in species
-eq d/dt U[reactor]    = F6*h_m - F7*h_G[reactor] + sum(r[j]*Q_r[j] for j in reactions) - Q_w
+eq d/dt N[reactor, i] = F6*y_m[i] - F7*y[reactor, i] + source[i]    for i in species
+eq d/dt U[reactor]    = F6*h_m - F7*h_G[reactor] + sum(rate[j]*Q_r[j] for j in reactions) - Q_w
 eq m_w*c_w*d/dt T_wr  = pos[reactor_cw]*W_max*c_w*(T_w + 5 [K]*idv4 - T_wr) + Q_w
 
 # ---- Condenser and separator ----

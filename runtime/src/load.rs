@@ -274,7 +274,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     if let Ok(text) = files::read_text(path) {
         let main = sources.add(path.display().to_string(), text);
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        read_sources(&mut sources, main, &mut |name| import(&folder, name));
+        read_sources(&mut sources, main, &[], &mut |name| import(&folder, name));
     }
     let imports = (1..sources.len()).map(|i| PathBuf::from(sources.name(FileId(i as u16))));
     [path.to_owned()].into_iter().chain(imports).collect()

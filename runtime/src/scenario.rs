@@ -141,6 +141,15 @@ pub enum Recorded {
         /// The last one holds from there on.
         hold: bool,
     },
+    /// Data over time in a file, of a disturbance that the model declares with `from`.
+    File {
+        /// Path from the folder of the model.
+        path: String,
+        /// `step`, `linear` or `cubic`; as declared where left out.
+        reading: Option<String>,
+        /// Reading outside of the data; as declared where left out.
+        outside: Option<String>,
+    },
 }
 
 /// Noise of observations: on or off, or standard deviations.
@@ -293,9 +302,10 @@ impl Scenario {
 }
 
 impl Recorded {
-    /// One value a step; a constant is one.
+    /// One value a step; a constant is one, and a file has none.
     pub(crate) fn values(&self) -> &[f64] {
         match self {
+            Recorded::File { .. } => &[],
             Recorded::Constant(x) => std::slice::from_ref(x),
             Recorded::Sequence { values, .. } => values,
         }
@@ -337,6 +347,17 @@ pub(crate) fn find_file(model: &Path, scenario: &str) -> PathBuf {
     }
     let stem = model.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     model.with_file_name(format!("{stem}.{scenario}.yaml"))
+}
+
+/// Paths of files of data that the text of a scenario names; none where it is invalid.
+pub(crate) fn data_of(text: &str) -> Vec<String> {
+    let mut sources = SourceMap::new();
+    let file = sources.add("scenario".to_owned(), text.to_owned());
+    let Ok(Scenario { disturbances: Some(Disturbances::Values(values)), .. }) = Scenario::parse(&sources, file) else {
+        return Vec::new();
+    };
+    let path = |recorded| if let Recorded::File { path, .. } = recorded { Some(path) } else { None };
+    values.into_values().filter_map(path).collect()
 }
 
 /// Names of the scenarios that stand beside a model, `default` first.

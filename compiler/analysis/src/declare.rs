@@ -20,7 +20,7 @@ impl Declarer<'_> {
     pub(crate) fn sets(&mut self, statements: &[Statement], within: Option<SymbolId>) {
         for statement in statements {
             match &statement.kind {
-                StatementKind::Set { name, members, text } => {
+                StatementKind::Set { name, members, text, .. } => {
                     let mut symbol = Symbol::new(&name.text, SymbolKind::Set, within, site(name, statement.span));
                     symbol.text = text.clone();
                     let set = self.symbols.declare(symbol);
@@ -74,6 +74,9 @@ impl Declarer<'_> {
             StatementKind::Declare { role, declarations } => {
                 let kind = SymbolKind::Variable(*role);
                 return declarations.iter().for_each(|d| self.declaration(d, kind, within));
+            }
+            StatementKind::Reaction(reaction) => {
+                return self.declaration(&reaction.declaration, SymbolKind::Variable(Role::Let), within);
             }
             StatementKind::Domain(domain) => {
                 let bounds = Some((domain.range.0.span, domain.range.1.span));

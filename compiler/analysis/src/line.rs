@@ -304,7 +304,9 @@ impl<'t> Line<'t> {
 fn clauses(keyword: &str) -> &'static [&'static str] {
     match keyword {
         "state" => &["in", "scale", "nonnegative", "prefer"],
-        "param" | "action" | "discrete" | "disturbance" | "var" | "let" | "random" => &["in", "scale", "clip bounds"],
+        "disturbance" => &["in", "scale", "clip bounds", "from"],
+        "param" | "action" | "discrete" | "var" | "let" | "random" => &["in", "scale", "clip bounds"],
+        "reaction" => &["rate"],
         "eq" | "next" | "reset" | "connect" => &["for"],
         "initial" => &["clip bounds", "for"],
         "observe" => &["in", "noise", "every", "delay", "for"],

@@ -50,7 +50,7 @@ impl Program {
     fn of(main: &Path, text: &str, texts: &(dyn Texts + Sync)) -> Program {
         let mut sources = SourceMap::new();
         let id = sources.add(main.display().to_string(), text);
-        let read = read::read(&mut sources, id, None, &mut |written| loaded(main, written, texts));
+        let read = read::read(&mut sources, id, None, &[], &mut |written| loaded(main, written, texts));
         let files = read.files.into_iter().zip(&read.ids).map(|(tree, id)| {
             let text: Arc<str> = sources.file(*id).map_or("", |file| file.text()).into();
             SourceText { path: sources.name(*id).into(), lines: Lines::new(&text), text, tree }

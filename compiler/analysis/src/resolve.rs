@@ -4,7 +4,7 @@ mod parts;
 
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
+    BY_MEMBER, Binder, BinderSet, Clip, Declaration, Expr, ExprKind, File, Ident, Observation, SetMembers, Statement, StatementKind, Table,
     TableCells, UnitBase, UnitExpr,
 };
 use smpl_dsl::units::OwnUnits;
@@ -124,7 +124,9 @@ impl Resolver<'_> {
     }
 
     fn undeclared(&mut self, name: &Ident) {
-        if crate::reference::is_built_in(&name.text) {
+        // Reactions declare these.
+        let made = matches!(name.text.as_str(), "reactions" | "source" | "stoichiometry" | "default");
+        if made || crate::reference::is_built_in(&name.text) {
             self.out.built_in.push((name.span, BuiltIn::Name));
         } else {
             self.out.unknown.push(name.span);
@@ -136,7 +138,7 @@ impl Resolver<'_> {
         let found = self.out.symbols.lookup(self.within, &name.text);
         match found {
             Some(symbol) => self.use_of(name.span, symbol),
-            None => self.out.unknown.push(name.span),
+            None => self.undeclared(name),
         }
         found
     }
@@ -156,11 +158,11 @@ impl Resolver<'_> {
             StatementKind::Unit { size, .. } => size.iter().for_each(|size| {
                 self.expr(size);
             }),
-            StatementKind::Set { members, .. } => {
-                if let SetMembers::Range(low, high) = members {
-                    self.exprs([low, high]);
-                }
-            }
+            StatementKind::Set { members, .. } => match members {
+                SetMembers::Range(low, high) => self.exprs([low, high]),
+                SetMembers::Of(e) => self.exprs([e]),
+                SetMembers::Names(_) => {}
+            },
             StatementKind::Table(table) => self.table(table),
             StatementKind::TimeTable(table) => {
                 self.table_of_quantities(table);
@@ -181,6 +183,7 @@ impl Resolver<'_> {
                     self.expr(e);
                 });
             }
+            StatementKind::Reaction(reaction) => self.reaction(reaction),
             StatementKind::Connector { members, .. } => members.iter().for_each(|d| self.declaration(d)),
             StatementKind::Component { name, parameters, extends, body, .. } => {
                 extends.iter().for_each(|base| {
@@ -287,6 +290,9 @@ impl Resolver<'_> {
                     self.global(base);
                 });
                 self.statements(body);
+            }
+            StatementKind::Remove { target, .. } => {
+                self.expr(target);
             }
             StatementKind::TestStep(step) => self.test_step(step),
             _ => {}
@@ -427,6 +433,8 @@ impl Resolver<'_> {
             ExprKind::Call { function, arguments } => {
                 match self.find(&function.text) {
                     Some(symbol) => self.use_of(function.span, symbol),
+                    // Forms of their own, without a function's name.
+                    None if matches!(function.text.as_str(), "in" | BY_MEMBER) => {}
                     None => self.undeclared(function),
                 }
                 self.exprs(arguments);

@@ -23,6 +23,7 @@ const NAMES: &[(&str, &str, Option<&str>)] = &[
     ("failure", "whether the step ended in failure", None),
     ("timeout", "whether the step was the last one", None),
     ("reward", "the chosen reward", None),
+    ("error_reward", "the reward of a failing step", None),
     ("states", "all states", None),
     ("actions", "all actions", None),
     ("observations", "all observations", None),

@@ -8,6 +8,7 @@ mod functions_of_quantities;
 mod instances;
 pub(in crate::elaborate) mod interpolation;
 mod phases;
+mod reactions;
 mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
@@ -21,7 +22,7 @@ use crate::elaborate::declare::instances::{Lineage, MAX_INSTANTIATED};
 use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
 use crate::elaborate::lower::{binders, units};
 use crate::elaborate::select::imports::gathered;
-use crate::elaborate::select::items::{Item, items, overlay};
+use crate::elaborate::select::items::{Item, items, overlay, removed};
 use crate::elaborate::symbols::{Row, Scope, ScopeId, Symbol, SymbolKind};
 
 impl<'a> Declaring<'_, 'a> {
@@ -79,6 +80,7 @@ impl<'a> Declaring<'_, 'a> {
                     | StatementKind::Domain(_)
                     | StatementKind::Flux(_)
                     | StatementKind::Choice { .. }
+                    | StatementKind::Reaction(_)
                     | StatementKind::Phase(_)
             ),
         });
@@ -145,6 +147,7 @@ impl<'a> Declaring<'_, 'a> {
         // Ends of ranges may be computed from scalars; a table declares its set only where nothing
         // else does.
         self.declare_sets(scope, &list, Turn::Named);
+        self.declare_derived(scope, &list, false);
         for item in &list {
             if let Item::Declare(role, d) = item
                 && d.indices.is_empty()
@@ -153,13 +156,17 @@ impl<'a> Declaring<'_, 'a> {
             }
         }
         self.declare_sets(scope, &list, Turn::Ranges);
+        self.declare_reaction_names(scope, &list);
+        self.declare_derived(scope, &list, false);
         self.declare_sets(scope, &list, Turn::Tables);
+        self.declare_derived(scope, &list, true);
         for item in &list {
             self.declare_unindexed(scope, item);
         }
         for item in &list {
             self.declare_indexed(scope, item);
         }
+        self.declare_reactions(scope, &list);
         let at = self.instances.blocks.len();
         self.instances.blocks.push((scope, Vec::new()));
         for item in &list {
@@ -174,6 +181,13 @@ impl<'a> Declaring<'_, 'a> {
 
     /// Declares tables, functions and domains.
     fn declare_unindexed(&mut self, scope: ScopeId, item: &Item<'a>) {
+        if let Some((_, target)) = removed(item) {
+            let message = "there is no such statement to remove";
+            let fault = Diagnostic::error(codes::UNKNOWN_NAME, message, target.span);
+            self.work.ledger.report(
+                fault.help("`remove` belongs into a variant: write the name of a statement, or its kind and left side, `remove eq d/dt T`"),
+            );
+        }
         let Item::Other(statement) = item else { return };
         match &statement.kind {
             StatementKind::Table(table) => self.declare_table(scope, table),

@@ -90,6 +90,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         episode,
         solver,
         quantities: Quantities { algebraics, ..outputs::quantities(l) },
+        measured: outputs::measured(l),
         ports: outputs::ports(l),
         grids: grids::grids(l),
         phases: phases::schedule_phases(l),

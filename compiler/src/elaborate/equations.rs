@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Expr, StatementKind};
+use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, StatementKind};
 
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
@@ -73,6 +73,12 @@ pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec
     let mut out = Vec::new();
     for (scope, items) in &l.instances.blocks {
         for item in items {
+            if let Item::Declare(_, Declaration { name, measured: Some(measured), span, .. }) = item
+                && l.symbols.lookup(*scope, &name.text).is_some_and(|symbol| matches!(l.symbols[symbol].kind, SymbolKind::Variable { .. }))
+            {
+                let own = Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
+                equation(l, *scope, (&own, &measured.read, &[]), *span, &mut out);
+            }
             let Item::Other(statement) = item else { continue };
             match &statement.kind {
                 StatementKind::Equation { lhs, rhs, binders } => equation(l, *scope, (lhs, rhs, binders), statement.span, &mut out),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use smpl_dsl::span::FileId;
+use smpl_dsl::span::{FileId, Span};
 use smpl_dsl::syntax;
 
 use super::notes::Observer;
@@ -18,6 +18,8 @@ pub struct Options {
     pub settings: BTreeMap<String, Setting>,
     /// Replacements of initial values: `name -> text of an expression` from a scenario.
     pub initial: BTreeMap<String, f64>,
+    /// Data that disturbances follow in place of their own files, by their paths.
+    pub measured: BTreeMap<String, Given>,
     /// Observation level; `None` is `default`.
     pub observation: Option<String>,
     /// Reward that is the default.
@@ -45,4 +47,34 @@ pub enum Setting {
     Text(String),
     /// The elements of an array of parameters, in their order.
     List(Vec<f64>),
+}
+
+/// Data of a disturbance that replace those of its own file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Given {
+    /// The data.
+    pub data: GivenData,
+    /// Interpolation; as declared where left out.
+    pub kind: Option<syntax::TimeTableKind>,
+    /// Word after `outside`; as declared where left out.
+    pub outside: Option<syntax::Ident>,
+}
+
+/// Data of a disturbance.
+#[derive(Clone, Debug, PartialEq)]
+pub enum GivenData {
+    /// The same at all times.
+    Constant(f64),
+    /// A file, and the place that names it.
+    File(String, Span),
+}
+
+impl Options {
+    /// Paths of files of data that the text does not name.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        self.measured.values().filter_map(|given| match &given.data {
+            GivenData::File(path, _) => Some(path.as_str()),
+            GivenData::Constant(_) => None,
+        })
+    }
 }

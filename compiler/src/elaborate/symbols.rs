@@ -6,9 +6,10 @@ use std::rc::Rc;
 
 use cranelift_entity::{PrimaryMap, entity_impl};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Local, Parameter, Phase, TimeTableKind};
+use smpl_dsl::syntax::{Declaration, Expr, Flux, Ident, Local, Parameter, Phase, Reaction, TimeTableKind};
 use smpl_dsl::units::{OwnUnits, Unit};
 
+use crate::elaborate::formula::Formula;
 use crate::ir::{FastMap, VarId};
 use crate::model::Variable;
 
@@ -69,8 +70,14 @@ pub(super) enum SymbolKind<'a> {
     TimeTable { unit: Unit, time_unit: Unit, kind: TimeTableKind, outside: Outside, points: Rc<[(f64, f64)]> },
     /// A function of two quantities.
     Surface { unit: Unit, units: Rc<[Unit; 2]>, cubic: bool, outside: Outside, grid: Rc<Grid> },
+    /// Source terms of reactions, over their species and the domains of their rates.
+    Source(Rc<Reactions<'a>>),
+    /// Stoichiometric coefficients, over reactions and species.
+    Stoichiometry(Rc<Reactions<'a>>),
     /// A function.
     Def { parameters: &'a [Parameter], locals: &'a [Local], body: &'a Expr },
+    /// Variables under one name.
+    Tuple(&'a [Expr]),
     /// An index set.
     Set(SetId),
     /// A domain.
@@ -93,6 +100,30 @@ pub(super) enum SymbolKind<'a> {
     Faulty,
 }
 
+/// The reactions of a scope.
+#[derive(Clone, Debug)]
+pub(super) struct Reactions<'a> {
+    /// The set that has all species.
+    pub species: SetId,
+    /// The set of the reactions, in the order of the list.
+    pub names: SetId,
+    /// Domains over whose cells rates are.
+    pub domains: Vec<DomainId>,
+    /// The reactions.
+    pub list: Vec<OneReaction<'a>>,
+}
+
+/// A reaction at members of the sets of its indices.
+#[derive(Clone, Debug)]
+pub(super) struct OneReaction<'a> {
+    /// Symbol of the rate.
+    pub rate: SymbolId,
+    /// The statement.
+    pub reaction: &'a Reaction,
+    /// Indices over sets, and the members.
+    pub bound: Vec<(&'a str, SetId, usize)>,
+}
+
 /// Reading of a table outside its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Outside {
@@ -103,6 +134,8 @@ pub(super) enum Outside {
     Linear,
     /// The episode fails there.
     Refused,
+    /// As inside, shifted by whole periods from the first point to the last.
+    Cyclic,
 }
 
 /// Values over a rectangle.
@@ -272,6 +305,8 @@ pub(super) struct Symbols<'a> {
     pub vars: PrimaryMap<VarId, Variable>,
     /// The symbol of each declared variable.
     pub of_var: FastMap<VarId, SymbolId>,
+    /// Formulas of members of sets: elements with their numbers, and the charge.
+    pub formulas: FastMap<(SetId, usize), Formula>,
     /// Units that the model declares.
     pub units: OwnUnits,
     /// The phases.
@@ -292,6 +327,7 @@ impl Default for Symbols<'_> {
             sets: PrimaryMap::new(),
             domains: PrimaryMap::new(),
             vars: PrimaryMap::new(),
+            formulas: FastMap::default(),
             units: OwnUnits::default(),
             schedule: None,
             of_var: FastMap::default(),
@@ -335,7 +371,8 @@ impl<'a> Symbols<'a> {
         let mut names = Vec::new();
         let mut at = Some(scope);
         while let Some(id) = at {
-            names.extend(self.scopes[id].names.keys().map(String::as_str));
+            // Data of disturbances have names that no text can have.
+            names.extend(self.scopes[id].names.keys().map(String::as_str).filter(|name| !name.contains(' ')));
             at = self.scopes[id].parent;
         }
         names

@@ -50,6 +50,7 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
         Ok(Variant { name: at.field("name")?.string()?, on: at.field("on")?.flag()? })
     })?;
     i.alternatives.choices = root.field("choices")?.list(choice)?;
+    i.measured = root.maybe("measured")?.map_or_else(|| Ok(Vec::new()), |at| texts(&at))?;
     if let Some(at) = root.maybe("reduction")? {
         i.reduction = reduction(&at, i.invariants.len().saturating_sub(1) as u32)?;
     }

@@ -40,7 +40,7 @@ pub fn read(text: &str) -> Result<Read, ReadError> {
     let value: Value = serde_json::from_str(text).map_err(|error| ReadError::Syntax(error.to_string()))?;
     let root = At::root(&value);
     check_version(&root)?;
-    root.only(&[&FIELDS[..], &["reduction"]].concat())?;
+    root.only(&[&FIELDS[..], &["reduction", "measured"]].concat())?;
     let vars = variables(&root.field("variables")?)?;
     let mut model = Model { interface: interface::read(&root, &vars)?, vars, ..Model::default() };
     if let Some(at) = root.maybe("delays")? {

@@ -70,6 +70,9 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     if !model.delays.is_empty() {
         value["delays"] = model.delays.iter().map(delay).collect();
     }
+    if !i.measured.is_empty() {
+        value["measured"] = json!(i.measured);
+    }
     if i.reduction.has_reduced() {
         value["reduction"] = reduction(&i.reduction);
     }

@@ -18,6 +18,8 @@ pub struct Interface {
     pub time: Time,
     /// Everything that has a name, a unit and bounds.
     pub quantities: Quantities,
+    /// Names of the algebraic outputs that are disturbances which follow data over time.
+    pub measured: Vec<String>,
     /// Ports of components.
     pub ports: Vec<Port>,
     /// Domains in space.

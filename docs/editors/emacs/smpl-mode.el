@@ -8,7 +8,7 @@
 ;;; Code:
 
 (defconst smpl-statements
-  '("model" "use" "time" "unit" "set" "table" "def" "param" "action" "state" "var" "let" "discrete" "disturbance" "random" "eq" "domain" "flux" "connector" "component" "port" "connect" "initial" "steady" "observe" "level" "reward" "fail" "success" "constraint" "invariant" "episode" "solver" "policy" "at" "next" "reset" "clamp" "event" "phase" "test" "expect" "variant" "choice" "when")
+  '("model" "use" "time" "unit" "set" "table" "def" "param" "action" "state" "var" "let" "discrete" "disturbance" "random" "eq" "domain" "flux" "reaction" "connector" "component" "port" "connect" "initial" "steady" "observe" "level" "reward" "fail" "success" "constraint" "invariant" "episode" "solver" "policy" "at" "next" "reset" "clamp" "event" "phase" "test" "expect" "remove" "variant" "choice" "when")
   "Keywords that begin a statement.")
 
 (defconst smpl-clauses

@@ -106,6 +106,7 @@ registry! {
     BACK_END "E0604-back-end" "the equations are right, but no machine code could be made for them"
     NOT_NONNEGATIVE "E0605-not-nonnegative" "`nonnegative` belongs to states that start at zero or above, in a unit without an offset"
     BAD_TEST "E0606-bad-test" "a test that expects nothing, or with a statement that its run cannot follow"
+    UNBALANCED_REACTION "E0607-unbalanced-reaction" "a reaction that consumes more or less of an element than it produces, by the formulas of its species"
     UNREADABLE "E0700-unreadable" "a file that cannot be read"
     BAD_SCENARIO "E0701-bad-scenario" "a scenario with a key, name or value that the model does not know"
     BAD_DATA "E0702-bad-data" "missing columns or non-numeric cells in a data file"
@@ -122,6 +123,7 @@ registry! {
     MISSING_SCALE "W0607-missing-scale" "a state far from the scale by which its absolute tolerance is chosen"
     OPEN_BOUNDS "W0608-open-bounds" "an observation that is bounded on one side only"
     NO_BOX "W0609-unbounded-observation" "an observation without bounds: learners need a finite box"
+    UNBALANCED_MASS "W0610-unbalanced-mass" "a reaction that does not keep the mass, by the molar masses of its species"
 }
 
 #[cfg(test)]

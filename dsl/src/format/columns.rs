@@ -230,6 +230,7 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
     let gaps = match slot % SLOTS {
         0 if slot > 0 => (1, 2),
         0 => (0, 0),
+        6 if tokens.first().is_some_and(|token| token.text == "rate") => (GAP, GAP),
         4..TEXT => (1, 2),
         TEXT => (GAP, GAP),
         _ => (1, 1),
@@ -273,6 +274,7 @@ fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
             "nonnegative" | "prefer" => Some(6),
             _ => None,
         },
+        "reaction" if text == "rate" => Some(6),
         "eq" | "initial" | "next" | "reset" | "reward" | "invariant" | "choice" if matches!(text, "=" | "~") => Some(2),
         _ => None,
     }

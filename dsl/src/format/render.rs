@@ -12,6 +12,8 @@ struct Open {
     indent: usize,
     /// True if the line ends right behind it.
     hanging: bool,
+    /// Braces of values by member, `= { A: 1 }`.
+    labels: bool,
 }
 
 struct Writer {
@@ -23,6 +25,7 @@ struct Writer {
     assigned: Option<usize>,
     padding: usize,
     table: bool,
+    reaction: bool,
     /// Braces with entries that are on several lines.
     entries: bool,
 }
@@ -37,6 +40,7 @@ pub(super) fn lines(tokens: &[Token<'_>], indent: usize, padding: usize) -> Vec<
         assigned: None,
         padding,
         table: tokens.first().is_some_and(|token| token.text == "table"),
+        reaction: is_reaction(tokens),
         entries: has_entries_on_lines(tokens),
     };
     for (index, token) in tokens.iter().enumerate() {
@@ -56,13 +60,29 @@ fn has_entries_on_lines(tokens: &[Token<'_>]) -> bool {
 /// The text of tokens on one line.
 pub(super) fn inline(tokens: &[Token<'_>]) -> String {
     let mut text = String::new();
+    let reaction = is_reaction(tokens);
+    let mut open: Vec<bool> = Vec::new();
     for (index, token) in tokens.iter().enumerate() {
-        if index > 0 && spaced(&tokens[index - 1], token, false) {
+        let labels = open.last().copied().unwrap_or(reaction);
+        if index > 0 && spaced(&tokens[index - 1], token, labels) {
             text.push(' ');
         }
         text.push_str(token.text);
+        match (token.kind, token.text) {
+            (Kind::Symbol, "(" | "[") => open.push(false),
+            (Kind::Symbol, "{") => open.push(index > 0 && tokens[index - 1].text == "="),
+            (Kind::Symbol, ")" | "]" | "}") => {
+                open.pop();
+            }
+            _ => {}
+        }
     }
     text
+}
+
+/// Returns `true` for a reaction, whose name is a label.
+fn is_reaction(tokens: &[Token<'_>]) -> bool {
+    tokens.first().is_some_and(|token| token.text == "reaction")
 }
 
 impl Writer {
@@ -80,7 +100,8 @@ impl Writer {
         if matches!(token.text, "(" | "[" | "{") && token.kind == Kind::Symbol {
             let hanging = next.is_some_and(|next| next.newline_before || next.kind == Kind::Comment);
             let bracket = token.text.as_bytes().first().copied().unwrap_or(b'(');
-            self.open.push(Open { bracket, content: self.column(), indent: self.line_indent, hanging });
+            let labels = token.text == "{" && previous.is_some_and(|previous| previous.text == "=");
+            self.open.push(Open { bracket, content: self.column(), indent: self.line_indent, hanging, labels });
         }
     }
 
@@ -105,8 +126,9 @@ impl Writer {
         let blanks = match token.kind {
             Kind::Comment => GAP,
             _ if self.lines.len() > 1 && self.ends_statement(previous, token) => GAP,
+            _ if self.reaction && self.open.is_empty() && token.text == "rate" => GAP,
             _ if second && previous.kind == Kind::Word => self.padding,
-            _ => usize::from(spaced(previous, token, self.table && self.in_braces())),
+            _ => usize::from(spaced(previous, token, self.is_label())),
         };
         self.push(&" ".repeat(blanks));
     }
@@ -178,6 +200,11 @@ impl Writer {
 
     fn in_braces(&self) -> bool {
         self.open.last().is_some_and(|open| open.bracket == b'{')
+    }
+
+    /// Returns `true` where a colon is behind the label of a row, a member or a reaction.
+    fn is_label(&self) -> bool {
+        self.open.last().map_or(self.reaction, |open| open.labels || self.table && open.bracket == b'{')
     }
 
     fn outside_parentheses(&self) -> bool {

@@ -2,25 +2,27 @@
 
 use pest::iterators::Pair;
 
-use super::{Children, Context, Fallible, Rule, expression, unit};
+use super::{Children, Context, Fallible, Rule, expression, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::syntax::{Binder, Clip, Declaration, Expr, Ident};
+use crate::syntax::{BY_MEMBER, Binder, Clip, Declaration, Expr, ExprKind, Ident, Measured};
 
-/// `name[i in set] named "n{}" : unit = value ~ sample clip bounds in low..high scale s nonnegative
+/// `name[i in set] named "n{}" : unit from "file" linear = value ~ sample clip bounds in low..high scale s nonnegative
 /// prefer "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);
+    let name = children.name(context)?;
+    let indices = indices(context, &mut children)?;
     Ok(Declaration {
-        name: children.name(context)?,
-        indices: indices(context, &mut children)?,
+        name: name.clone(),
         pattern: children.take(Rule::named).and_then(|named| {
             let mut inner = Children::new(named);
             inner.skip(Rule::kw_named);
             inner.text()
         }),
         unit: unit::declared(context, &mut children)?,
-        value: clause(context, &mut children, Rule::value)?,
+        measured: children.take(Rule::table_file).map(|file| measured(context, &name, file)).transpose()?,
+        value: children.take(Rule::value).map(|pair| value(context, &indices, pair)).transpose()?,
         sample: clause(context, &mut children, Rule::sample)?,
         clip: clip(context, &mut children)?,
         bounds: bounds(context, &mut children)?,
@@ -28,8 +30,36 @@ pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallib
         nonnegative: children.take(Rule::kw_nonnegative).map(|word| context.span(&word)),
         prefer: children.take(Rule::kw_prefer).map(|word| context.span(&word)),
         text: children.text(),
+        indices,
         span,
     })
+}
+
+/// `= expr`, `= { A: 1, B: 2 }`
+fn value(context: &Context<'_>, indices: &[Binder], pair: Pair<'_, Rule>) -> Fallible<Expr> {
+    let mut children = Children::new(pair.clone());
+    children.skip(Rule::equals);
+    let Some(members) = children.take(Rule::member_values) else { return only_expr(context, pair) };
+    let span = context.span(&members);
+    let named = |name: &Ident| Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
+    let of = indices.iter().map(|binder| named(&binder.name)).collect();
+    let mut arguments = vec![Expr { span, kind: ExprKind::Tuple(of) }];
+    for part in members.into_inner().filter(|part| part.as_rule() == Rule::member_value) {
+        let mut member = Children::new(part);
+        let label = table::label(context, &mut member)?;
+        member.skip(Rule::colon);
+        let value = expression::expr(context, member.expect(context, Rule::expr)?)?;
+        arguments.extend([named(&label), value]);
+    }
+    Ok(Expr { span, kind: ExprKind::Call { function: Ident { text: BY_MEMBER.to_owned(), span }, arguments } })
+}
+
+/// `from "weather.csv" linear outside cyclic` of the disturbance `name`.
+fn measured(context: &Context<'_>, name: &Ident, file: Pair<'_, Rule>) -> Fallible<Box<Measured>> {
+    let (path, kind, outside) = table::file(context, file)?;
+    let function = Ident { text: format!("{} of its data", name.text), span: name.span };
+    let read = Expr { span: name.span, kind: ExprKind::Call { function, arguments: Vec::new() } };
+    Ok(Box::new(Measured { path: path.text, path_span: path.span, kind, outside, read }))
 }
 
 /// All declarations among the parts of a rule.

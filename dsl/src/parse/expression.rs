@@ -107,6 +107,7 @@ impl<'t> Climber<'_, 't> {
             Rule::if_expr => return conditional(context, pair, self.depth),
             Rule::derivative => ExprKind::Derivative(Box::new(self.inner_operand(pair)?)),
             Rule::region => region(context, pair, self.depth)?,
+            Rule::membership => membership(context, pair, self.depth)?,
             _ => return Err(self.missing_operand()),
         };
         Ok(Expr { span: place, kind })
@@ -319,6 +320,23 @@ fn region(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible
     Ok(ExprKind::Call { function, arguments: vec![argument] })
 }
 
+/// `i in solids`, `i in {A, B}`: a call of `in` with the index and what may be its members.
+fn membership(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible<ExprKind> {
+    let mut arguments = Vec::new();
+    let mut function = Ident { text: "in".to_owned(), span: context.span(&pair) };
+    for part in pair.into_inner() {
+        match part.as_rule() {
+            Rule::kw_member => function.span = context.span(&part),
+            Rule::name => {
+                let name = context.ident(&part)?;
+                arguments.push(Expr { span: name.span, kind: ExprKind::Name(name) });
+            }
+            _ => arguments.push(nested(context, part, depth)?),
+        }
+    }
+    Ok(ExprKind::Call { function, arguments })
+}
+
 /// A place such as `c[i, z]` or `M1.inlet.Q`: what may be assigned, connected or prescribed.
 pub(super) fn place(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Expr> {
     let pairs = pair.into_inner();
@@ -346,6 +364,7 @@ pub(super) fn binder(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Bi
             BinderSet::Range(Box::new(Expr { span: low.span, kind }), Box::new(high))
         }
         (false, ExprKind::Name(set)) => BinderSet::Set(set),
+        (false, kind @ ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, ..)) => BinderSet::Tuple(vec![Expr { span: low.span, kind }]),
         (false, _) => return Err(Box::new(bad_binder(low.span))),
     };
     Ok(Binder { name, over, span })

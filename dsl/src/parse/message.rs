@@ -162,7 +162,6 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         "=" if last == ':' => "write `=`; there is no `:=`",
         "**" | "*" if found == "**" || last == '*' => "a power is written `^`: `x^2`",
         "=" if matches!(keyword, "fail" | "success" | "constraint" | "event" | "clamp" | "reward" | "let") => "to compare write `==`",
-        "{" if keyword == "param" && before.contains('[') => "write values by member in a `table`: `table p[set] : unit = { a: 1, b: 2 }`",
         "{" if matches!(keyword, "eq" | "let" | "param") => "group with parentheses",
         "~" if before.contains(" in ") => "write the distribution before the bounds: `= value ~ uniform(a, b) in low..high`",
         "clip" if before.contains(" in ") => "put `clip` before the bounds: `~ uniform(a, b) clip bounds in low..high`",

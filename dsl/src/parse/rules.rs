@@ -10,10 +10,19 @@ pub(super) const BRACKETS: &str = "a unit in brackets";
 /// A rule as a reader would name it; empty where naming it would only distract.
 pub(super) fn describe(rule: Rule) -> &'static str {
     match rule {
-        Rule::expr | Rule::number | Rule::paren | Rule::prefix | Rule::if_expr | Rule::derivative | Rule::region => EXPRESSION,
+        Rule::expr | Rule::number | Rule::paren | Rule::prefix | Rule::if_expr | Rule::derivative | Rule::region | Rule::membership => {
+            EXPRESSION
+        }
         Rule::infix => OPERATOR,
         Rule::index | Rule::member | Rule::as_unit | Rule::kw_as | Rule::arguments | Rule::unit_operator | Rule::unit_power => "",
         Rule::name | Rule::place => "a name",
+        Rule::remove_word => "a word such as `fail`",
+        Rule::member_value => "`member: value`",
+        Rule::set_member => "a member",
+        Rule::reaction_side | Rule::reaction_term => "a species",
+        Rule::coefficient => "a coefficient",
+        Rule::reaction_rate => "`rate`",
+        Rule::plus => "`+`",
         Rule::option => "an option",
         Rule::integer | Rule::signed => "a number",
         Rule::text => "a text in quotes",

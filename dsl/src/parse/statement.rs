@@ -23,10 +23,12 @@ pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
         "eq" => Rule::eq,
         "domain" => Rule::domain,
         "flux" => Rule::flux,
+        "reaction" => Rule::reaction,
         "connector" => Rule::connector,
         "component" => Rule::component,
         "port" => Rule::port,
         "connect" => Rule::connect,
+        "remove" => Rule::remove,
         "variant" => Rule::variant,
         "test" => Rule::test,
         "choice" => Rule::choice,
@@ -75,6 +77,7 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
         "connector" => {
             Ok(StatementKind::Connector { name: children.name(context)?, members: declaration::declarations(context, children)? })
         }
+        "reaction" => super::reaction::reaction(context, children),
         "component" => component(context, children, body),
         "port" => port(context, children),
         "connect" => connect(context, children),
@@ -83,6 +86,10 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
             let (name, extends) = (children.name(context)?, declaration::extends(context, &mut children)?);
             Ok(StatementKind::Variant { name, extends, text: children.text(), body })
         }
+        "remove" => Ok(StatementKind::Remove {
+            kind: children.take(Rule::remove_word).map(|word| context.word(&word)),
+            target: expression::expr(context, children.expect(context, Rule::expr)?)?,
+        }),
         "test" => super::test::test(context, children, body),
         "when" => when(context, children, body),
         _ => problem::lower(context, children, body),

@@ -11,14 +11,30 @@ use crate::syntax::{
 pub(super) fn set(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
     let name = children.name(context)?;
     children.skip(Rule::equals);
+    let mut formulas = Vec::new();
     let members = match children.take(Rule::set_names) {
-        Some(names) => SetMembers::Names(self::names(context, names)?),
+        Some(pair) => {
+            let mut names = Vec::new();
+            for part in pair.into_inner().filter(|part| part.as_rule() == Rule::set_member) {
+                let mut member = Children::new(part);
+                let name = member.name(context)?;
+                if let Some(formula) = member.take(Rule::text) {
+                    formulas.push((name.clone(), Ident { text: Context::text(&formula), span: context.span(&formula) }));
+                }
+                names.push(name);
+            }
+            SetMembers::Names(names)
+        }
         None => {
-            let (low, high) = declaration::range(context, &mut children)?;
-            SetMembers::Range(low, high)
+            let low = expression::expr(context, children.expect(context, Rule::expr)?)?;
+            if children.skip(Rule::dots) {
+                SetMembers::Range(low, expression::expr(context, children.expect(context, Rule::expr)?)?)
+            } else {
+                SetMembers::Of(low)
+            }
         }
     };
-    Ok(StatementKind::Set { name, members, text: children.text() })
+    Ok(StatementKind::Set { name, members, formulas, text: children.text() })
 }
 
 /// All names among the parts of a rule.
@@ -90,7 +106,7 @@ fn row(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TableRow> {
 }
 
 /// The member that a row or cell belongs to: a name, or an integer of a numbered set.
-fn label(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Ident> {
+pub(super) fn label(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Ident> {
     match children.take(Rule::integer) {
         Some(integer) => Ok(context.word(&integer)),
         None => children.name(context),
@@ -111,16 +127,23 @@ fn time_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Falli
     let time_unit = argument_unit(context, children.expect(context, Rule::table_argument)?)?;
     let second_unit = children.take(Rule::table_argument).map(|pair| argument_unit(context, pair)).transpose()?;
     if let Some(file) = children.take(Rule::table_file) {
-        let mut children = Children::new(file);
-        children.skip(Rule::kw_from);
-        let path = children.expect(context, Rule::text)?;
-        let points = TablePoints::File { path: Context::text(&path), span: context.span(&path) };
-        let (kind, outside) = reading(context, &mut children)?;
+        let (path, kind, outside) = self::file(context, file)?;
+        let points = TablePoints::File { path: path.text, span: path.span };
         return Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None });
     }
     let (kind, outside) = reading(context, &mut children)?;
     let points = points(context, children.expect(context, Rule::table_points)?)?;
     Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None })
+}
+
+/// `from "k.csv" linear outside refused`: the path, and how the data are read.
+pub(super) fn file(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(Ident, TimeTableKind, Option<Ident>)> {
+    let mut children = Children::new(pair);
+    children.skip(Rule::kw_from);
+    let path = children.expect(context, Rule::text)?;
+    let path = Ident { text: Context::text(&path), span: context.span(&path) };
+    let (kind, outside) = reading(context, &mut children)?;
+    Ok((path, kind, outside))
 }
 
 /// `linear outside refused`

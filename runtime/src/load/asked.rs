@@ -1,12 +1,12 @@
 //! Options of a scenario and a call for the front end.
 
-use smpl_compiler::elaborate::{Options, Setting};
+use smpl_compiler::elaborate::{Given, GivenData, Options, Setting};
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Statement, StatementKind};
+use smpl_dsl::syntax::{Ident, Statement, StatementKind, TimeTableKind};
 
 use super::LoadOptions;
-use crate::scenario::{Scenario, Value};
+use crate::scenario::{Disturbances, Recorded, Scenario, Value, shortened};
 
 /// Options of scenario and call for the front end; later ones override earlier ones.
 pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
@@ -35,9 +35,37 @@ pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, opti
             None => out.overlay.push(distribution(sources, scenario, name, value).map_err(|d| vec![*d])?),
         }
     }
+    if let Some(Disturbances::Values(values)) = &scenario.disturbances {
+        for (name, recorded) in values {
+            let place = scenario.place_under(sources, "disturbances", name);
+            out.measured.extend(given(recorded, place).map_err(|fault| vec![*fault])?.map(|given| (name.clone(), given)));
+        }
+    }
     out.lints = options.lints;
     out.tests.clone_from(&options.tests);
     Ok(out)
+}
+
+/// Data of a disturbance that may follow a file; `None` for one value a step.
+fn given(recorded: &Recorded, place: Span) -> Result<Option<Given>, Box<Diagnostic>> {
+    let (path, reading, outside) = match recorded {
+        Recorded::Constant(x) => return Ok(Some(Given { data: GivenData::Constant(*x), kind: None, outside: None })),
+        Recorded::Sequence { .. } => return Ok(None),
+        Recorded::File { path, reading, outside } => (path, reading, outside),
+    };
+    let kind = match reading.as_deref() {
+        None => None,
+        Some("step") => Some(TimeTableKind::From),
+        Some("linear") => Some(TimeTableKind::Linear),
+        Some("cubic") => Some(TimeTableKind::Cubic),
+        Some(other) => {
+            let message = format!("unknown reading `{}` of `{path}`", shortened(other));
+            let fault = Diagnostic::error(codes::BAD_SCENARIO, message, place);
+            return Err(Box::new(fault.help("it is one of step, linear, cubic")));
+        }
+    };
+    let outside = outside.as_ref().map(|word| Ident { text: word.clone(), span: place });
+    Ok(Some(Given { data: GivenData::File(path.clone(), place), kind, outside }))
 }
 
 fn setting(name: &str, value: &Value) -> Result<Setting, Vec<Diagnostic>> {

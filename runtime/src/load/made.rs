@@ -35,10 +35,11 @@ fn check_source(path: &Path, header: &Header) -> Result<(), LoadError> {
         Some((name, text)) => look(&scenario::find_file(&source, name))?.unwrap_or_else(|| text.clone()),
         None => String::new(),
     };
+    let data = scenario::data_of(&scenario);
     let mut sources = SourceMap::new();
     let main = sources.add(source.display().to_string(), text);
     let folder = source.parent().map(Path::to_owned).unwrap_or_default();
-    read_sources(&mut sources, main, &mut |name| import(&folder, name));
+    read_sources(&mut sources, main, &data, &mut |name| import(&folder, name));
     let texts = (0..sources.len()).filter_map(|i| Some(sources.file(FileId(i as u16))?.text()));
     if header.fingerprint == fingerprint(texts, &scenario) {
         return Ok(());

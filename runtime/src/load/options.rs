@@ -86,15 +86,38 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
     }
     if let Some(Disturbances::Values(values)) = &scenario.disturbances {
         let elements = catalogue::disturbances(model);
-        compare("disturbances", "disturbance", values.keys().collect(), elements.names().collect());
+        let measured = &model.interface().measured;
+        let known = elements.names().chain(measured.iter().map(String::as_str)).collect();
+        compare("disturbances", "disturbance", values.keys().collect(), known);
         for (name, recorded) in values {
+            let place = || scenario.place_under(sources, "disturbances", name);
+            let is_known = measured.contains(name) || elements.find(name).is_some();
+            if let Some((message, help)) = misfit(name, recorded, measured.contains(name)).filter(|_| is_known) {
+                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, place()).help(help));
+            }
             let Some(element) = elements.find(name) else { continue };
             if let Some(message) = recorded.values().iter().find_map(|value| beyond(element, *value)) {
-                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, scenario.place_under(sources, "disturbances", name)));
+                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, place()));
             }
         }
     }
     faults
+}
+
+/// The fault of data of another kind than the disturbance takes: one value a step, or data over
+/// time.
+fn misfit(name: &str, recorded: &Recorded, measured: bool) -> Option<(String, &'static str)> {
+    match recorded {
+        Recorded::Sequence { .. } if measured => Some((
+            format!("the disturbance `{name}` follows data over time, not one value a step"),
+            "give a file, `{from: \"data.csv\"}`, or one number",
+        )),
+        Recorded::File { .. } if !measured => Some((
+            format!("the disturbance `{name}` takes one value a step, not data over time"),
+            "declare it with `from`, or give a list of values",
+        )),
+        _ => None,
+    }
 }
 
 /// Parameters under `grid` that are no numbers of cells.
@@ -122,6 +145,10 @@ fn recorded(scenario: &Scenario, model: &CompiledModel) -> BTreeMap<String, Vec<
             let elements = catalogue::disturbances(model);
             elements.elements().iter().map(|e| (e.name.clone(), vec![if e.default.is_finite() { e.default } else { 0.0 }])).collect()
         }
-        Some(Disturbances::Values(values)) => values.iter().map(|(name, recorded)| (name.clone(), recorded.values().to_vec())).collect(),
+        Some(Disturbances::Values(values)) => {
+            let measured = &model.interface().measured;
+            let per_step = values.iter().filter(|(name, _)| !measured.contains(name));
+            per_step.map(|(name, recorded)| (name.clone(), recorded.values().to_vec())).collect()
+        }
     }
 }

@@ -112,16 +112,31 @@ read!(Disturbances, "true, false or a mapping from names to values", {
     }
 });
 
-/// A sequence with what is to become of its last value.
+/// A sequence with what is to become of its last value, or a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Held {
-    values: Vec<f64>,
-    #[serde(default)]
-    hold: bool,
+struct Data {
+    values: Option<Vec<f64>>,
+    hold: Option<bool>,
+    from: Option<String>,
+    reading: Option<String>,
+    outside: Option<String>,
 }
 
-read!(Recorded, "a number, a list of numbers (one a step), or `{values: [...], hold: true}`", {
+impl Data {
+    fn recorded(self) -> Result<Recorded, &'static str> {
+        match self {
+            Data { values: Some(values), hold, from: None, reading: None, outside: None } => {
+                Ok(Recorded::Sequence { values, hold: hold.unwrap_or(false) })
+            }
+            Data { values: None, hold: None, from: Some(path), reading, outside } => Ok(Recorded::File { path, reading, outside }),
+            Data { values: None, from: None, .. } => Err("a disturbance has `values`, or `from` with the path of a file"),
+            _ => Err("a disturbance has `values` and `hold`, or `from`, `reading` and `outside`"),
+        }
+    }
+}
+
+read!(Recorded, "a number, a list of numbers (one a step), `{values: [...], hold: true}` or `{from: \"data.csv\"}`", {
     fn visit_i64<E: Error>(self, x: i64) -> Result<Self::Value, E> {
         Ok(Recorded::Constant(x as f64))
     }
@@ -140,7 +155,6 @@ read!(Recorded, "a number, a list of numbers (one a step), or `{values: [...], h
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        let Held { values, hold } = Held::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(Recorded::Sequence { values, hold })
+        Data::deserialize(MapAccessDeserializer::new(map))?.recorded().map_err(A::Error::custom)
     }
 });

@@ -50,7 +50,7 @@ impl Source {
         let mut texts = SourceMap::new();
         let main = texts.add(path.display().to_string(), read_text(&path).ok()?);
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let Read { files, imports, faults, .. } = read(&mut texts, main, None, &mut |name| smpl_runtime::load::import(&folder, name));
+        let Read { files, imports, faults, .. } = read(&mut texts, main, None, &[], &mut |name| smpl_runtime::load::import(&folder, name));
         faults.is_empty().then_some(Self { files, imports, texts })
     }
 }

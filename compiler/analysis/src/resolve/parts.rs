@@ -1,6 +1,6 @@
 //! Names in functions, tables over quantities and tests.
 
-use smpl_dsl::syntax::{BinderSet, Expect, Expr, Local, Parameter, ParameterKind, TablePoints, TestStep, TimeTable};
+use smpl_dsl::syntax::{BinderSet, Expect, Expr, Local, Parameter, ParameterKind, Reaction, TablePoints, TestStep, TimeTable};
 
 use super::Resolver;
 use crate::symbols::SymbolKind;
@@ -32,6 +32,19 @@ impl Resolver<'_> {
             self.local(&local.name, SymbolKind::Argument, None);
         }
         self.expr(body);
+    }
+
+    pub(super) fn reaction(&mut self, reaction: &Reaction) {
+        let (d, locals) = (&reaction.declaration, self.locals.len());
+        self.binders(&d.indices);
+        for term in &reaction.terms {
+            self.exprs(&term.coefficient);
+            self.name(&term.species);
+        }
+        self.locals.truncate(locals);
+        if reaction.rated {
+            self.declaration(d);
+        }
     }
 
     pub(super) fn table_of_quantities(&mut self, table: &TimeTable) {

@@ -114,6 +114,9 @@ fn switches(files: &[File]) -> Asked {
 fn names<'a>(statement: &'a Statement, out: &mut HashSet<&'a str>) {
     match &statement.kind {
         StatementKind::Declare { declarations, .. } => out.extend(declarations.iter().map(|d| d.name.text.as_str())),
+        StatementKind::Reaction(reaction) => {
+            out.insert(&reaction.declaration.name.text);
+        }
         StatementKind::Port { names, .. } => out.extend(names.iter().map(|name| name.text.as_str())),
         StatementKind::Table(table) => out.extend(table.columns.iter().map(|column| column.name.text.as_str())),
         StatementKind::Domain(Domain { name, .. })

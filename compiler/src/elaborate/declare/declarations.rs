@@ -1,7 +1,7 @@
 //! Declarations of sets, domains, fluxes and variables.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
-use smpl_dsl::syntax::{self, Declaration, Expr, Flux, Ident, SetMembers, Statement, StatementKind};
+use smpl_dsl::syntax::{self, Declaration, Expr, ExprKind, Flux, Ident, Measured, SetMembers, Statement, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
@@ -18,6 +18,8 @@ pub(in crate::elaborate::declare) enum Turn {
     Named,
     /// After the scalars: its ends may be computed from them.
     Ranges,
+    /// Once the sets are known of whose members it consists.
+    Derived,
     /// After all other sets: the rows of a table are a set where there is no other of that name.
     Tables,
 }
@@ -26,6 +28,7 @@ impl Turn {
     fn of(statement: &Statement) -> Turn {
         match &statement.kind {
             StatementKind::Set { members: SetMembers::Range(..), .. } => Turn::Ranges,
+            StatementKind::Set { members: SetMembers::Of(e), .. } if !matches!(e.kind, ExprKind::Tuple(_)) => Turn::Derived,
             StatementKind::Table(_) => Turn::Tables,
             _ => Turn::Named,
         }
@@ -63,7 +66,12 @@ impl<'a> Declaring<'_, 'a> {
                 let chosen = self.input.selection.chosen.get(&name.text).and_then(|c| options.iter().position(|o| o.text == *c));
                 self.declare(scope, name, SymbolKind::Choice { options, chosen: chosen.unwrap_or(0) });
             }
-            StatementKind::Set { name, members, .. } => self.declare_members(scope, name, members),
+            StatementKind::Set { name, members, formulas, .. } => {
+                self.declare_members(scope, name, members);
+                if let Some(SymbolKind::Set(set)) = self.symbols.lookup(scope, &name.text).map(|symbol| &self.symbols[symbol].kind) {
+                    self.declare_formulas(*set, formulas);
+                }
+            }
             // `table over species { ... }` declares the set as well, unless it exists.
             StatementKind::Table(table) => {
                 if let [index] = table.indices.as_slice()
@@ -78,13 +86,18 @@ impl<'a> Declaring<'_, 'a> {
     }
 
     /// `set s = (a, b, c)`, `set s = 1..n`
-    fn declare_members(&mut self, scope: ScopeId, name: &Ident, members: &SetMembers) {
+    fn declare_members(&mut self, scope: ScopeId, name: &Ident, members: &'a SetMembers) {
         let (labels, first) = match members {
             SetMembers::Names(names) => (names.iter().map(|n| n.text.clone()).collect::<Vec<_>>(), None),
             SetMembers::Range(a, b) => {
                 let Some((a, b)) = self.bounds_of_set(scope, name, a, b) else { return self.faulty(scope, name) };
                 ((a..=b).map(|i| i.to_string()).collect(), Some(a))
             }
+            SetMembers::Of(Expr { kind: ExprKind::Tuple(list), .. }) => {
+                self.declare(scope, name, SymbolKind::Tuple(list));
+                return;
+            }
+            SetMembers::Of(_) => return,
         };
         if labels.is_empty() {
             let message = format!("the set `{}` has no members", name.text);
@@ -94,6 +107,39 @@ impl<'a> Declaring<'_, 'a> {
             self.work.ledger.check_members("set", names);
         }
         self.new_set(scope, name, labels, first);
+    }
+
+    /// Declares the sets of members of other sets that are known so far; of the rest, the `last` time,
+    /// reports names that are not sets.
+    pub(in crate::elaborate::declare) fn declare_derived(&mut self, scope: ScopeId, list: &[Item<'a>], last: bool) {
+        let derived = |item: &Item<'a>| match item {
+            Item::Other(Statement { kind: StatementKind::Set { name, members: SetMembers::Of(e), .. }, .. }) => Some((name, e)),
+            _ => None,
+        };
+        let mut waiting: Vec<(&Ident, &Expr)> = list.iter().filter_map(derived).collect();
+        waiting.retain(|(name, e)| !matches!(e.kind, ExprKind::Tuple(_)) && !self.symbols.scopes[scope].names.contains_key(&name.text));
+        loop {
+            let before = waiting.len();
+            waiting.retain(|(name, e)| {
+                let Some(labels) = self.symbols.labels_of(scope, e) else { return true };
+                if labels.is_empty() {
+                    let message = format!("the set `{}` has no members", name.text);
+                    self.work.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, name.span));
+                }
+                self.new_set(scope, name, labels, None);
+                false
+            });
+            if waiting.len() == before {
+                break;
+            }
+        }
+        for (name, e) in waiting.into_iter().filter(|_| last) {
+            let unknown = self.symbols.not_a_set(scope, e).unwrap_or(e.span);
+            let fault =
+                Diagnostic::error(codes::UNKNOWN_NAME, format!("the set `{}` is made of sets, this is not one", name.text), unknown);
+            self.work.ledger.report(fault.help("write `{ a, b }`, `1..9`, `species - solids` or `(c_A, T)`"));
+            self.faulty(scope, name);
+        }
     }
 
     /// First and last number of a set, where they are not too far apart.
@@ -168,6 +214,9 @@ impl<'a> Declaring<'_, 'a> {
             return self.declare_poison(scope, role, d, axes, binders);
         }
         let unit = written.flatten();
+        if let Some(measured) = &d.measured {
+            return self.declare_input(scope, (role, d), measured, unit.unwrap_or_else(Unit::one));
+        }
         let role = match role {
             syntax::Role::Let | syntax::Role::Random => {
                 let random = role == syntax::Role::Random;
@@ -195,5 +244,27 @@ impl<'a> Declaring<'_, 'a> {
         };
         let unit = unit.unwrap_or_else(Unit::one);
         self.new_variable(scope, &d.name, role, axes, unit, d);
+    }
+
+    /// Declares a disturbance that follows data: an algebraic variable, whose equation reads them.
+    fn declare_input(&mut self, scope: ScopeId, (role, d): (syntax::Role, &'a Declaration), measured: &'a Measured, unit: Unit) {
+        let name = &d.name.text;
+        let fault = match (role, &d.value.as_ref().or(d.sample.as_ref())) {
+            (syntax::Role::Disturbance, _) if !d.indices.is_empty() => {
+                Some((format!("the disturbance `{name}` follows one column of a file and has no indices"), d.name.span))
+            }
+            (syntax::Role::Disturbance, Some(e)) => {
+                Some((format!("the disturbance `{name}` follows `{}` and has no other value", measured.path), e.span))
+            }
+            (syntax::Role::Disturbance, None) => None,
+            _ => Some((format!("`{name}` is not a disturbance, and only disturbances follow a file"), measured.path_span)),
+        };
+        if let Some((message, span)) = fault {
+            let help = "write `disturbance T : degC from \"weather.csv\" linear`, or a `table ... from` for other data";
+            self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, span).help(help));
+            return self.faulty(scope, &d.name);
+        }
+        self.declare_measured(scope, d, measured, &unit);
+        self.new_variable(scope, &d.name, Role::Algebraic, Vec::new(), unit, d);
     }
 }

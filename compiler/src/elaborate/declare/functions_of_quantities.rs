@@ -2,17 +2,19 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, TablePoints, TimeTable, TimeTableKind, UnitExpr};
+use smpl_dsl::syntax::{Declaration, Expr, ExprKind, Ident, Measured, TablePoints, TimeTable, TimeTableKind, UnitExpr};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::declare::data::{self, Cell};
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::units;
-use crate::elaborate::symbols::{Grid, Outside, ScopeId, SymbolKind};
+use crate::elaborate::options::GivenData;
+use crate::elaborate::symbols::{Grid, Outside, ScopeId, Symbol, SymbolKind};
 
 /// Words after `outside`.
-const OUTSIDE: [(&str, Outside); 3] = [("constant", Outside::Constant), ("linear", Outside::Linear), ("refused", Outside::Refused)];
+const OUTSIDE: [(&str, Outside); 4] =
+    [("constant", Outside::Constant), ("linear", Outside::Linear), ("refused", Outside::Refused), ("cyclic", Outside::Cyclic)];
 
 /// A factor and an offset from the numbers of a file to those of the table.
 type Conversion = (f64, f64);
@@ -21,7 +23,10 @@ impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate) fn declare_time_table(&mut self, scope: ScopeId, table: &'a TimeTable) {
         let place = Place::new(scope, Site::Dynamics);
         let outside = self.work.ledger.option(table.outside.as_ref(), "reading outside of a table", Outside::Constant, &OUTSIDE);
-        self.refuse_lines_of_steps(table, outside);
+        self.refuse_lines_of_steps((&table.name, table.kind, table.outside.as_ref()), outside);
+        if table.second_unit.is_some() {
+            self.refuse_steps_of_surfaces(table, outside);
+        }
         let before = self.work.ledger.reports.diagnostics.len();
         let kind = match &table.second_unit {
             None => self.curve(table, outside, &place),
@@ -33,16 +38,76 @@ impl<'a> Declaring<'_, 'a> {
         self.declare(scope, &table.name, if faults { SymbolKind::Faulty } else { kind });
     }
 
+    /// Declares the data of a disturbance, which is read at the present time. A scenario may name
+    /// another file.
+    pub(in crate::elaborate::declare) fn declare_measured(
+        &mut self,
+        scope: ScopeId,
+        d: &'a Declaration,
+        measured: &'a Measured,
+        unit: &Unit,
+    ) {
+        let place = Place::new(scope, Site::Dynamics);
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, d.name.text);
+        let given = self.input.options.measured.get(&path);
+        let word = given.and_then(|given| given.outside.as_ref()).or(measured.outside.as_ref());
+        let outside = self.work.ledger.option(word, "reading outside of the data", Outside::Constant, &OUTSIDE);
+        let kind = given.and_then(|given| given.kind).unwrap_or(measured.kind);
+        self.refuse_lines_of_steps((&d.name, kind, word), outside);
+        let time_unit = self.symbols.time_unit.clone();
+        let points = match given.map(|given| &given.data) {
+            Some(GivenData::Constant(x)) => Some(vec![(0.0, *x)]),
+            Some(GivenData::File(path, span)) => {
+                self.points_of_file(&d.name, Some(unit), (path, *span), &time_unit, &place).map(|(p, _)| p)
+            }
+            None => {
+                let file = (measured.path.as_str(), measured.path_span);
+                self.points_of_file(&d.name, Some(unit), file, &time_unit, &place).map(|(p, _)| p)
+            }
+        };
+        let outside = if matches!(points.as_deref(), Some([_])) && given.is_some() { Outside::Constant } else { outside };
+        let kind = match points {
+            Some(points) if self.may_repeat(&d.name, &points, outside) => {
+                SymbolKind::TimeTable { unit: unit.clone(), time_unit, kind, outside, points: points.into() }
+            }
+            _ => SymbolKind::Faulty,
+        };
+        let ExprKind::Call { function, .. } = &measured.read.kind else { return };
+        let symbol = Symbol { path, scope, span: d.name.span, kind };
+        let _ = self.symbols.declare(&function.text, symbol);
+    }
+
+    /// Returns whether points can repeat, where they do; reports the ones that cannot.
+    fn may_repeat(&mut self, name: &Ident, points: &[(f64, f64)], outside: Outside) -> bool {
+        if outside != Outside::Cyclic || points.len() > 1 {
+            return true;
+        }
+        let message = format!("`{}` repeats from its first point to its last, and has one point", name.text);
+        self.work
+            .ledger
+            .report(Diagnostic::error(codes::BAD_SETTING, message, name.span).help("give two points or more, or write `constant`"));
+        false
+    }
+
     /// A table of steps has no slope.
-    fn refuse_lines_of_steps(&mut self, table: &TimeTable, outside: Outside) {
-        let steps = matches!(table.kind, TimeTableKind::Until | TimeTableKind::From);
-        if let Some(word) = table.outside.as_ref().filter(|_| steps && outside == Outside::Linear) {
-            let message = format!("the table `{}` holds its values and has no slope outside of its points", table.name.text);
+    fn refuse_lines_of_steps(&mut self, (name, kind, word): (&Ident, TimeTableKind, Option<&Ident>), outside: Outside) {
+        let steps = matches!(kind, TimeTableKind::Until | TimeTableKind::From);
+        if let Some(word) = word.filter(|_| steps && outside == Outside::Linear) {
+            let message = format!("the table `{}` holds its values and has no slope outside of its points", name.text);
             self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, word.span).help("write `constant` or `refused`"));
         }
-        if steps && table.second_unit.is_some() {
+    }
+
+    fn refuse_steps_of_surfaces(&mut self, table: &TimeTable, outside: Outside) {
+        if matches!(table.kind, TimeTableKind::Until | TimeTableKind::From) {
             let message = format!("the table `{}` over two quantities is `linear` or `cubic`", table.name.text);
             self.work.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, table.name.span));
+        }
+        if let Some(word) = table.outside.as_ref().filter(|_| outside == Outside::Cyclic) {
+            let message = format!("the table `{}` over two quantities does not repeat", table.name.text);
+            self.work
+                .ledger
+                .report(Diagnostic::error(codes::BAD_SETTING, message, word.span).help("write `constant`, `linear` or `refused`"));
         }
     }
 
@@ -57,7 +122,8 @@ impl<'a> Declaring<'_, 'a> {
         let points = match &table.points {
             TablePoints::Entries(entries) => self.entries(entries, (&time_unit, &unit), place),
             TablePoints::File { path, span } => {
-                let (points, own) = self.points_of_file(table, (path, *span), &time_unit, place)?;
+                let declared = table.unit.is_some().then_some(&unit);
+                let (points, own) = self.points_of_file(&table.name, declared, (path, *span), &time_unit, place)?;
                 unit = own;
                 points
             }
@@ -73,7 +139,13 @@ impl<'a> Declaring<'_, 'a> {
             let message = format!("the table `{}` is empty", table.name.text);
             self.work.ledger.report(Diagnostic::error(codes::EMPTY_SET, message, table.name.span));
         }
-        Some(SymbolKind::TimeTable { unit, time_unit, kind: table.kind, outside, points: points.into() })
+        self.may_repeat(&table.name, &points, outside).then(|| SymbolKind::TimeTable {
+            unit,
+            time_unit,
+            kind: table.kind,
+            outside,
+            points: points.into(),
+        })
     }
 
     /// Points in the text.
@@ -190,7 +262,8 @@ impl<'a> Declaring<'_, 'a> {
     /// The points of a column of a file, and the unit of the table.
     fn points_of_file(
         &mut self,
-        table: &TimeTable,
+        name: &Ident,
+        declared: Option<&Unit>,
         file: (&str, Span),
         time_unit: &Unit,
         place: &Place,
@@ -200,15 +273,12 @@ impl<'a> Declaring<'_, 'a> {
         let columns: Vec<_> =
             header.iter().map(data::column).collect::<Result<_, _>>().map_err(|fault| self.work.ledger.report(fault)).ok()?;
         let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-        let at = self.checked(data::position(&names, &table.name, file.0, header))?;
+        let at = self.checked(data::position(&names, name, file.0, header))?;
         let argument = self.conversion(columns[0].1.as_ref(), time_unit, "the argument", place)?;
-        let (unit, value) = match (&table.unit, &columns[at].1) {
-            (None, own) => (self.header_unit(own.as_ref(), place)?, (1.0, 0.0)),
-            (Some(declared), own) => {
-                let unit = self.unit_of(Some(declared), place);
-                let conversion = self.conversion(own.as_ref(), &unit, "the table", place)?;
-                (unit, conversion)
-            }
+        let own = columns[at].1.as_ref();
+        let (unit, value) = match declared {
+            None => (self.header_unit(own, place)?, (1.0, 0.0)),
+            Some(unit) => (unit.clone(), self.conversion(own, unit, "the table", place)?),
         };
         let mut points = Vec::with_capacity(rows.len());
         let mut spans = Vec::with_capacity(rows.len());

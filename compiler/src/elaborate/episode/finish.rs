@@ -15,6 +15,7 @@ use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::outcome::Outcome;
 use crate::elaborate::lower::place::{Place, Site};
+use crate::elaborate::lower::value::Value;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{ScopeId, SymbolId};
 use crate::ir::{Affine, BinaryFn, Builtin, Compare, ExprId, Place as Memory, Program};
@@ -57,7 +58,14 @@ pub(in crate::elaborate) fn ending<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Scop
     let mut ends = declared_ends(l, blocks);
     let outcome = outcome(l, &ends, episode.end_is_success);
     l.names.outcome = Some(outcome);
+    let given = l.exprs.constant(episode.error_reward);
+    l.names.failing = Some(match &l.names.error_reward {
+        Some((unit, _)) => Value::of(given, unit.clone()),
+        None => Value::bare(given),
+    });
     let rewards = rewards(l, blocks, &mut episode.error_reward);
+    // In the unit of each reward, as `reward` is.
+    l.names.failing = Some(Value::bare(l.exprs.constant(episode.error_reward)));
     let reward = rewards.values.get(rewards.default as usize).copied();
     l.names.outcome = Some(Outcome { reward, ..outcome });
     for (at, place, condition, failure) in std::mem::take(&mut ends.on_reward) {

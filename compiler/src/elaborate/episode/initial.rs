@@ -107,7 +107,12 @@ fn steady_entries<'a>(l: &Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)])
         if block == known.len() {
             known.push(here);
         }
-        out.extend(entries.iter().map(|(target, value)| {
+        let place = Place::new(scope, Site::Instant);
+        let each_target = entries.iter().flat_map(|(target, value)| match l.symbols.tuple(target, &place) {
+            Some((list, scope)) => list.iter().map(|target| (scope, target, value)).collect(),
+            None => vec![(scope, target, value)],
+        });
+        out.extend(each_target.map(|(scope, target, value)| {
             let instance = if instances_named(l, target, scope).is_some() { WHOLE } else { 0 };
             SteadyEntry { scope, block, breadth: instance + breadth(target, &[]), target, value }
         }));

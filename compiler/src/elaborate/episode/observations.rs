@@ -152,6 +152,10 @@ fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &m
     if are_all_states(o) && l.symbols.lookup(place.scope, "states").is_none() {
         return observe_states(l, Some(o.span), out);
     }
+    if let Some((list, scope)) = l.symbols.tuple(&o.value, place).filter(|_| o.name.is_none()) {
+        let there = Place { scope, ..place.clone() };
+        return list.iter().for_each(|e| observation(l, &Observation { value: e.clone(), ..o.clone() }, &there, out));
+    }
     if o.binders.is_empty()
         && let Some(symbol) = whole_array(l, &o.value, place)
     {

@@ -1,5 +1,6 @@
 //! Public quantities: observations, algebraic outputs, the interface.
 
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
@@ -11,7 +12,7 @@ use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, nests};
-use crate::elaborate::symbols::{self, Axis, SymbolId, SymbolKind};
+use crate::elaborate::symbols::{self, Axis, Symbol, SymbolId, SymbolKind};
 use crate::ir::{Affine, FastSet, LoopVar, Place as Memory, Program, Role, VarId};
 use crate::model::{Port, PortMember, Quantities, Quantity};
 
@@ -117,6 +118,27 @@ fn state_order(l: &Lowering<'_, '_>) -> Option<Vec<u32>> {
     let order: Vec<u32> = order.into_iter().map(|(_, own)| own).collect();
     let is_own = order.iter().zip(0..).all(|(&own, i)| own == i);
     (!is_own).then_some(order)
+}
+
+/// Paths of the disturbances that follow data over time; warns of data outside of the declared
+/// bounds.
+pub(in crate::elaborate) fn measured(l: &mut Lowering<'_, '_>) -> Vec<String> {
+    let mut out = Vec::new();
+    for symbol in l.in_text_order() {
+        let Symbol { path, scope, kind: SymbolKind::Variable { var, declaration, .. }, .. } = &l.symbols[symbol] else { continue };
+        let Some(measured) = &declaration.measured else { continue };
+        out.push(path.clone());
+        let ExprKind::Call { function, .. } = &measured.read.kind else { continue };
+        let table = l.symbols.lookup(*scope, &function.text).map(|table| &l.symbols[table].kind);
+        let (Some(SymbolKind::TimeTable { points, .. }), Some(q)) = (table, l.quantities.get(var)) else { continue };
+        let (low, high) = (Quantity::pick(&q.low, 0), Quantity::pick(&q.high, 0));
+        if let Some((at, x)) = points.iter().find(|(_, x)| !Quantity::admits(low, high, *x)) {
+            let message = format!("the data of `{path}` leave its bounds {low}..{high}: {x} at {at} {}", l.symbols.time_unit);
+            let warning = Diagnostic::warning(codes::BAD_DATA, message, measured.path_span);
+            l.ledger.report(warning.help("correct the data, or widen the bounds"));
+        }
+    }
+    out
 }
 
 /// The ports; what their members are equal to is known once the equations are solved.

@@ -126,6 +126,10 @@ fn free_states(l: &mut Lowering<'_, '_>, target: &Expr, place: &Place) -> Vec<St
 
 /// A state, an element of one, or all states of an instance.
 fn states_of(l: &mut Lowering<'_, '_>, target: &Expr, place: &Place) -> Vec<(VarId, Option<i64>)> {
+    if let Some((list, scope)) = l.symbols.tuple(target, place) {
+        let there = Place::new(scope, place.site);
+        return list.iter().flat_map(|e| states_of(l, e, &there)).collect();
+    }
     if let Some(path) = instances_named(l, target, place.scope) {
         return states_of_instances(l, &path).into_iter().map(|var| (var, None)).collect();
     }

@@ -19,12 +19,22 @@ pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binde
             let role = if name.text == "states" { Role::State } else { Role::Action };
             l.symbols.arrays_of(role)
         }
-        BinderSet::Set(name) => l.naming().bindings_of_name(name, place),
+        BinderSet::Set(name) => {
+            let e = Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
+            match l.symbols.lookup(place.scope, &name.text).map(|symbol| &l.symbols[symbol].kind) {
+                Some(SymbolKind::Tuple(_)) => members_of(l, &e, place).unwrap_or_default(),
+                _ => l.naming().bindings_of_name(name, place),
+            }
+        }
         BinderSet::Range(low, high) => bindings_of_range(l, binder, low, high, place),
         BinderSet::Tuple(list) => {
             let scope = place.scope;
             let mut out = Vec::new();
             for e in list {
+                if let Some(members) = members_of(l, e, place) {
+                    out.extend(members);
+                    continue;
+                }
                 // An element that is itself bound here must be taken now.
                 let bound = match &e.kind {
                     ExprKind::Name(n) if place.bound(&n.text).is_some() => place.bound(&n.text).cloned(),
@@ -35,6 +45,25 @@ pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binde
             out
         }
     }
+}
+
+/// Members that one element of a list stands for: those of a set, of sets in sums and differences, or
+/// the variables of a tuple; `None` for an element that stands for itself.
+fn members_of(l: &Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<Vec<BinderValue>> {
+    if let ExprKind::Name(name) = &e.kind {
+        let symbol = if place.bound(&name.text).is_none() { l.symbols.lookup(place.scope, &name.text)? } else { return None };
+        match l.symbols[symbol].kind {
+            SymbolKind::Set(_) => {}
+            SymbolKind::Tuple(list) => {
+                let scope = l.symbols[symbol].scope;
+                return Some(list.iter().map(|e| BinderValue::One(Bound::Alias(e.clone(), scope, None))).collect());
+            }
+            _ => return None,
+        }
+    }
+    let labels = l.symbols.labels_of(place.scope, e)?;
+    let member = |label: &String| l.symbols.set_with(place.scope, e, label).map(|(set, i)| BinderValue::One(Bound::Member(set, i)));
+    labels.iter().map(member).collect()
 }
 
 fn bindings_of_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high: &Expr, place: &Place) -> Vec<BinderValue> {
@@ -98,7 +127,8 @@ pub(in crate::elaborate) fn index_over(l: &mut Lowering<'_, '_>, binder: &Binder
         BinderSet::Range(low, high) => return index_over_range(l, binder, low, high, place),
         BinderSet::Tuple(_) => {
             let message = "an index of a declaration runs over a set or a domain";
-            l.ledger.report(Diagnostic::error(codes::BAD_BINDER, message, binder.span));
+            let fault = Diagnostic::error(codes::BAD_BINDER, message, binder.span);
+            l.ledger.report(fault.help("name the members: `set fluids = species - solids`, and declare over `fluids`"));
             return None;
         }
     };

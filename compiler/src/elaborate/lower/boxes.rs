@@ -83,6 +83,10 @@ fn box_members(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place, out: &mut Vec<
     {
         return observed_members(l, e.span, place, out);
     }
+    if let Some((list, scope)) = l.symbols.tuple(e, place) {
+        let there = Place { scope, bindings: None, ..place.clone() };
+        return list.iter().for_each(|e| box_members(l, e, &there, out));
+    }
     let symbols: Vec<SymbolId> = match &e.kind {
         ExprKind::Name(n) if n.text == "states" && l.symbols.lookup(place.scope, "states").is_none() => {
             l.variables_of(Role::State).iter().filter_map(|v| l.symbols.of_var.get(v).copied()).collect()

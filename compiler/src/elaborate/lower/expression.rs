@@ -2,14 +2,14 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, ExprKind, Ident};
+use smpl_dsl::syntax::{BY_MEMBER, Declaration, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::differentiate::{self, Loaded};
 use crate::elaborate::expansions::Asked;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
-use crate::elaborate::lower::{Lowering, functions, indices, operators, outcome, paths, phases, units};
+use crate::elaborate::lower::{Lowering, functions, indices, membership, operators, outcome, paths, phases, reactions, units};
 use crate::elaborate::select::items::reference;
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
@@ -118,6 +118,12 @@ impl<'a> Lowering<'_, 'a> {
         taken: &mut dyn FnMut(&mut Self, Value, Span) -> ExprId,
         unit: &Unit,
     ) -> Value {
+        if let ExprKind::Call { function, arguments } = &e.kind
+            && function.text == BY_MEMBER
+        {
+            let Some(own) = membership::by_member(self, arguments, place) else { return self.poison() };
+            return self.nested(own.span, |s| s.declared_value(own, place, taken, unit));
+        }
         let ExprKind::If(c, a, b) = &e.kind else {
             let v = self.value(e, place);
             return match v.unit {
@@ -159,6 +165,11 @@ impl<'a> Lowering<'_, 'a> {
             return v;
         }
         match self.symbols[symbol].kind.clone() {
+            // Rules of disturbances run ahead of the step and read data, not the variable.
+            SymbolKind::Variable { declaration: Declaration { measured: Some(measured), .. }, .. } if place.site == Site::Disturb => {
+                let inner = Place { scope: self.symbols[symbol].scope, ..place.clone() };
+                self.value(&measured.read, &inner)
+            }
             SymbolKind::Variable { axes, .. } => {
                 if let Some(face) = place.face
                     && let Some(v) = field::face_value(self, symbol, &axes, index, span, face, place)
@@ -194,6 +205,8 @@ impl<'a> Lowering<'_, 'a> {
                 let expr = self.exprs.time();
                 Value::of(expr, self.symbols.time_unit.clone())
             }
+            SymbolKind::Source(_) => reactions::source(self, symbol, index, span, place),
+            SymbolKind::Stoichiometry(_) => reactions::stoichiometry(self, symbol, index, span, place),
             SymbolKind::Flux { .. } => flux::flux_at_end(self, symbol, index, span, place),
             SymbolKind::Faulty => self.poison(),
             SymbolKind::Phase(_) => {
@@ -357,6 +370,7 @@ fn no_value(l: &mut Lowering<'_, '_>, symbol: SymbolId, kind: &SymbolKind<'_>, s
             let what = match kind {
                 SymbolKind::Def { .. } => "a function; call it with arguments",
                 SymbolKind::Set(_) => "a set; use a member as an index",
+                SymbolKind::Tuple(_) => "a list of variables; bind them by `for x in`",
                 SymbolKind::Domain(_) => "a domain; bind it with `for`",
                 SymbolKind::Choice { .. } => "a choice; compare it with one of its options",
                 _ => "a component; name one of its variables",
@@ -488,7 +502,7 @@ fn builtin_name<'m, 'a>(l: &mut Lowering<'m, 'a>, name: &Ident) -> Option<Value>
             let e = builtin(l, Builtin::Clock);
             Value::of(e, l.symbols.time_unit.clone())
         }
-        "success" | "failure" | "timeout" | "reward" => {
+        "success" | "failure" | "timeout" | "reward" | "error_reward" => {
             return outcome::outcome_name(l, name).or_else(|| {
                 Some(l.fault(Diagnostic::error(
                     codes::MISPLACED_FUNCTION,

@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, Ident};
+use smpl_dsl::syntax::{BY_MEMBER, BinaryOp, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::ledger::Ledger;
@@ -10,7 +10,7 @@ use crate::elaborate::lower::builtins::{self, Attribute, Builtin, Call};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, boxes, definitions, delays, interpolation, operators, random_and_tables, units};
+use crate::elaborate::lower::{Lowering, boxes, definitions, delays, interpolation, membership, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::SymbolKind;
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
@@ -25,6 +25,15 @@ pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function:
             SymbolKind::Faulty => return l.poison(),
             _ => {}
         }
+    }
+    if function.text == BY_MEMBER {
+        return match membership::by_member(l, arguments, place) {
+            Some(e) => l.value(e, place),
+            None => l.poison(),
+        };
+    }
+    if function.text == membership::IN {
+        return membership::membership(l, arguments, place);
     }
     let Some(&Builtin { name, arity, call: Some(call), .. }) = builtins::find(&function.text) else {
         return unknown_function(l, function, place);

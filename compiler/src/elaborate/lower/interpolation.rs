@@ -11,7 +11,7 @@ use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, reads};
 use crate::elaborate::symbols::{Grid, Outside, SymbolId, SymbolKind};
-use crate::ir::{BinaryFn, ExprId, Exprs, Side};
+use crate::ir::{BinaryFn, ExprId, Exprs, Side, UnaryFn};
 
 /// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless
 /// quantity is no time.
@@ -33,7 +33,11 @@ pub(in crate::elaborate) fn curve(exprs: &mut Exprs, t: ExprId, points: &[(f64, 
     if x.len() == 1 {
         return exprs.constant(low);
     }
-    let slopes = if cubic { monotone_slopes(&x, &y) } else { Vec::new() };
+    let slopes = match (cubic, outside) {
+        (false, _) => Vec::new(),
+        (true, Outside::Cyclic) if low == high => periodic_slopes(&x, &y),
+        (true, _) => monotone_slopes(&x, &y),
+    };
     let piece = |i: usize| {
         let (h, rise) = (x[i + 1] - x[i], y[i + 1] - y[i]);
         if cubic { hermite(h, [y[i], y[i + 1]], [slopes[i], slopes[i + 1]]) } else { [y[i], rise / h, 0.0, 0.0] }
@@ -50,6 +54,29 @@ pub(in crate::elaborate) fn curve(exprs: &mut Exprs, t: ExprId, points: &[(f64, 
     let since = exprs.sub(t, start);
     let coefficients: Vec<Vec<f64>> = (0..4).map(|k| pieces.iter().map(|piece| piece.1[k]).collect()).collect();
     polynomial(exprs, &coefficients, at, since)
+}
+
+/// Slopes of monotone polynomials through points that repeat, the last of which is the first of the
+/// next period.
+fn periodic_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
+    let (n, period) = (x.len(), x[x.len() - 1] - x[0]);
+    let (mut longer, mut values) = (vec![x[n - 2] - period], vec![y[n - 2]]);
+    longer.extend(x);
+    values.extend(y);
+    longer.push(x[1] + period);
+    values.push(y[1]);
+    monotone_slopes(&longer, &values)[1..=n].to_vec()
+}
+
+/// The argument of a table that repeats, between its first point and its last.
+pub(in crate::elaborate) fn in_period(exprs: &mut Exprs, t: ExprId, points: &[(f64, f64)]) -> ExprId {
+    let (Some(&(first, _)), Some(&(last, _))) = (points.first(), points.last()) else { return t };
+    let (first, period) = (exprs.constant(first), exprs.constant(last - first));
+    let since = exprs.sub(t, first);
+    let ratio = exprs.div(since, period);
+    let whole = exprs.unary(UnaryFn::Floor, ratio);
+    let passed = exprs.mul(period, whole);
+    exprs.sub(t, passed)
 }
 
 /// The number of limits that a value has reached.

@@ -33,10 +33,15 @@ pub(in crate::elaborate) struct EpisodeNames {
     pub step: f64,
     /// Unit and place of an `error_reward` that has a dimension or a scale.
     pub error_reward: Option<(Unit, Span)>,
+    /// The reward of a failing step, where rewards and failures are evaluated.
+    pub failing: Option<Value>,
 }
 
 /// `success`, `failure`, `timeout`, `reward` in an expression.
 pub(in crate::elaborate) fn outcome_name(l: &mut Lowering<'_, '_>, name: &Ident) -> Option<Value> {
+    if name.text == "error_reward" {
+        return l.names.failing.clone();
+    }
     let outcome = l.names.outcome?;
     Some(match name.text.as_str() {
         "success" => Value::truth(outcome.success),

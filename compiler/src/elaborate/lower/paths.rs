@@ -7,7 +7,8 @@ use crate::elaborate::lower::indices::cell_number;
 use crate::elaborate::lower::place::{Bound, Place, Target};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::{Lowering, structural};
-use crate::elaborate::symbols::{DomainId, ScopeId, SymbolKind, Symbols};
+use crate::elaborate::symbols::{Axis, DomainId, ScopeId, SetId, SymbolKind, Symbols};
+
 /// `a.b.c`, `a[i].b[j, k]`
 pub(in crate::elaborate) fn reference(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Value {
     let (base, index): (&Expr, &[Expr]) = match &e.kind {
@@ -78,10 +79,7 @@ pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: 
         Target::Symbol(symbol) => symbol,
         Target::Value(v) if v.is_poison() => return None,
         Target::Value(_) => {
-            l.ledger.report(
-                Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span)
-                    .maybe_help(l.symbols.end_of(e, place)),
-            );
+            l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only components, ports and domains have members", e.span));
             return None;
         }
         Target::Nothing => return None,
@@ -138,6 +136,9 @@ fn domain_member(l: &mut Lowering<'_, '_>, base: &Expr, member: &str, place: &Pl
     if !matches!(member, "first" | "last" | "cells" | "number") {
         return None;
     }
+    if let (Some(set), "first" | "last") = (l.symbols.set_of(base, place), member) {
+        return set_end(l, set, member == "last", base);
+    }
     let domain = l.symbols.domain_of(base, place)?;
     if member == "number" {
         return Some(match cell_number(base, place) {
@@ -153,14 +154,35 @@ fn domain_member(l: &mut Lowering<'_, '_>, base: &Expr, member: &str, place: &Pl
     Some(Value::bare(expr))
 }
 
+/// The first or last number of a set of numbers.
+fn set_end(l: &mut Lowering<'_, '_>, set: SetId, last: bool, base: &Expr) -> Option<Value> {
+    let known = &l.symbols.sets[set];
+    let number = match known.first {
+        Some(first) if last => first + known.labels.len() as i64 - 1,
+        Some(first) => first,
+        None => {
+            let (name, end) = (known.name.clone(), if last { known.labels.last() } else { known.labels.first() });
+            let help = end.map(|end| format!("name the member: `{end}`"));
+            let fault = Diagnostic::error(codes::WRONG_KIND, format!("`{name}` is a set of names, which have no numbers"), base.span);
+            return Some(l.fault(fault.maybe_help(help)));
+        }
+    };
+    let expr = l.exprs.constant(number as f64);
+    Some(Value::bare(expr))
+}
+
 impl Symbols<'_> {
-    /// Replacement for the end of a set of numbers, which has no `.last`.
-    fn end_of(&self, e: &Expr, place: &Place) -> Option<String> {
+    /// The set that a name is, or over which it runs, without a report where it is something else.
+    fn set_of(&self, e: &Expr, place: &Place) -> Option<SetId> {
         let ExprKind::Name(name) = &e.kind else { return None };
-        let Some(Bound::Member(set, _)) = place.bound(&name.text) else { return None };
-        let set = &self.sets[*set];
-        let (first, last) = (set.labels.first()?, set.labels.last()?);
-        Some(format!("`.first` and `.last` are those of a domain; `{}` runs from `{first}` to `{last}`", set.name))
+        match place.bound(&name.text) {
+            Some(Bound::Member(set, _) | Bound::Axis(Axis::Set(set))) => Some(*set),
+            Some(Bound::Run(_)) | None => match self[self.lookup(place.scope, &name.text)?].kind {
+                SymbolKind::Set(set) => Some(set),
+                _ => None,
+            },
+            Some(_) => None,
+        }
     }
 
     /// The domain that a path names, without a report where it names something else.

@@ -97,15 +97,18 @@ fn draw(l: &mut Lowering<'_, '_>, stream: &str, kind: Variate, instant: Instant,
 /// A table over time or another quantity, read at an expression.
 pub(in crate::elaborate) fn time_table(l: &mut Lowering<'_, '_>, span: Span, symbol: SymbolId, arguments: &[Expr], place: &Place) -> Value {
     let path = l.symbols[symbol].path.clone();
-    let [argument] = arguments else {
-        return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span));
-    };
     let SymbolKind::TimeTable { unit, time_unit, kind, outside, points } = l.symbols[symbol].kind.clone() else {
         return l.poison();
     };
-    let t = interpolation::table_argument(l, argument, &time_unit, symbol, place);
+    let t = match arguments {
+        [argument] => interpolation::table_argument(l, argument, &time_unit, symbol, place),
+        // The data of a disturbance, whose function no text names.
+        [] if l.symbols.is_data(symbol) => l.exprs.time(),
+        _ => return l.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`{path}` takes a time"), span)),
+    };
+    let t = if outside == Outside::Cyclic { interpolation::in_period(l.exprs, t, &points) } else { t };
     let expr = match (kind, outside) {
-        (TimeTableKind::Linear, Outside::Constant | Outside::Refused) => l.values().linear_table(t, &points),
+        (TimeTableKind::Linear, Outside::Constant | Outside::Refused | Outside::Cyclic) => l.values().linear_table(t, &points),
         (TimeTableKind::Linear | TimeTableKind::Cubic, _) => {
             interpolation::curve(l.exprs, t, &points, kind == TimeTableKind::Cubic, outside)
         }

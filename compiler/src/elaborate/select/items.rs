@@ -138,6 +138,15 @@ pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     if over.is_empty() {
         return;
     }
+    let (removals, over): (Vec<Item<'a>>, Vec<Item<'a>>) = over.into_iter().partition(|item| removed(item).is_some());
+    for item in removals {
+        let before = base.len();
+        base.retain(|other| removed(&item).is_none_or(|(kind, target)| !is_removed(other, kind, target)));
+        // What removes nothing stays, and is reported.
+        if base.len() == before {
+            base.push(item);
+        }
+    }
     let keys: Vec<Option<Key>> = over.iter().map(key).collect();
     let mut replaced: HashMap<&Key, Vec<usize>> = HashMap::new();
     for (i, key) in keys.iter().enumerate() {
@@ -154,6 +163,82 @@ pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     }
     result.extend(over.iter().zip(&placed).filter(|(_, p)| !**p).map(|(i, _)| *i));
     *base = result;
+}
+
+/// Kind, and name or left side, of the statements that a `remove` takes out.
+pub(crate) fn removed<'a>(item: &Item<'a>) -> Option<(Option<&'a Ident>, &'a Expr)> {
+    match item {
+        Item::Other(Statement { kind: StatementKind::Remove { kind, target }, .. }) => Some((kind.as_ref(), target)),
+        _ => None,
+    }
+}
+
+/// Returns whether a statement is the one to be removed.
+fn is_removed(item: &Item<'_>, kind: Option<&Ident>, target: &Expr) -> bool {
+    let same_kind = kind.is_none_or(|kind| kind.text == keyword(item));
+    let named = |name: &str| matches!(&target.kind, ExprKind::Name(own) if own.text == name);
+    same_kind
+        && match key(item) {
+            Some(Key::Name(name) | Key::Table(name) | Key::Named(_, name) | Key::Observed(name)) => named(name),
+            Some(Key::Observe(form)) => form == Form::of(target),
+            Some(Key::Determined(..) | Key::Set(..)) => {
+                kind.is_some() && left_side(item).is_some_and(|left| Form::of(left) == Form::of(target))
+            }
+            Some(Key::Time) | None => false,
+        }
+}
+
+/// The left side, the target or the first end of a statement without a name.
+fn left_side<'a>(item: &Item<'a>) -> Option<&'a Expr> {
+    let (Item::Other(statement) | Item::At(_, statement)) = item else { return None };
+    match &statement.kind {
+        StatementKind::Equation { lhs, .. } | StatementKind::StartEquation { lhs, .. } => Some(lhs),
+        StatementKind::Initial { target, .. }
+        | StatementKind::Next { target, .. }
+        | StatementKind::Reset { target, .. }
+        | StatementKind::Clamp { target, .. } => Some(target),
+        StatementKind::Connect { chain, .. } => chain.first(),
+        _ => None,
+    }
+}
+
+/// The keyword of a statement that may be removed by its kind.
+fn keyword(item: &Item<'_>) -> &'static str {
+    let statement = match item {
+        Item::Declare(role, _) => {
+            return match role {
+                Role::Param => "param",
+                Role::Action => "action",
+                Role::State => "state",
+                Role::Var => "var",
+                Role::Let => "let",
+                Role::Discrete => "discrete",
+                Role::Disturbance => "disturbance",
+                Role::Random => "random",
+            };
+        }
+        Item::Observe(_) => return "observe",
+        Item::At(_, statement) | Item::Other(statement) => statement,
+    };
+    match &statement.kind {
+        StatementKind::Equation { .. } => "eq",
+        StatementKind::Initial { .. } | StatementKind::StartEquation { .. } => "initial",
+        StatementKind::Connect { .. } => "connect",
+        StatementKind::Next { .. } => "next",
+        StatementKind::Reset { .. } => "reset",
+        StatementKind::Clamp { .. } => "clamp",
+        StatementKind::Fail { .. } => "fail",
+        StatementKind::Success { .. } => "success",
+        StatementKind::Constraint { .. } => "constraint",
+        StatementKind::Reward { .. } => "reward",
+        StatementKind::Policy { .. } => "policy",
+        StatementKind::Invariant { .. } => "invariant",
+        StatementKind::Level { .. } => "level",
+        StatementKind::Event { .. } => "event",
+        StatementKind::Phase(_) => "phase",
+        StatementKind::Reaction(_) => "reaction",
+        _ => "",
+    }
 }
 
 /// Key of a statement: a statement of a variant replaces those of the same key.
@@ -218,6 +303,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         | StatementKind::Set { name, .. }
         | StatementKind::Def { name, .. }
         | StatementKind::Instance { name, .. } => Key::Name(&name.text),
+        StatementKind::Reaction(reaction) => Key::Name(&reaction.declaration.name.text),
         StatementKind::Test { name, .. } => Key::Named(discriminant(kind), name),
         StatementKind::Table(table) => Key::Table(&table.columns.first()?.name.text),
         StatementKind::Time { .. } => Key::Time,

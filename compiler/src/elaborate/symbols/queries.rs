@@ -1,9 +1,11 @@
 //! Queries of the symbols.
 
-use smpl_dsl::syntax::StatementKind;
+use smpl_dsl::span::Span;
+use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, ReactionTerm, StatementKind};
 
+use crate::elaborate::lower::place::Place;
 use crate::elaborate::select::items::Item;
-use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind, Symbols};
+use crate::elaborate::symbols::{Axis, OneReaction, ScopeId, SetId, SymbolId, SymbolKind, Symbols};
 use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Role, VarId};
 use crate::model;
 
@@ -138,6 +140,83 @@ impl<'a> Symbols<'a> {
             _ => None,
         };
         self.list.keys().filter_map(of)
+    }
+
+    /// Labels of the members of a set that others make, `species - solids`; `None` where a name in it
+    /// is not a known set.
+    pub(in crate::elaborate) fn labels_of(&self, scope: ScopeId, e: &Expr) -> Option<Vec<String>> {
+        match &e.kind {
+            ExprKind::Name(name) => match self[self.lookup(scope, &name.text)?].kind {
+                SymbolKind::Set(set) => Some(self.sets[set].labels.clone()),
+                _ => None,
+            },
+            ExprKind::Binary(BinaryOp::Add, a, b) => {
+                let mut labels = self.labels_of(scope, a)?;
+                for label in self.labels_of(scope, b)? {
+                    if !labels.contains(&label) {
+                        labels.push(label);
+                    }
+                }
+                Some(labels)
+            }
+            ExprKind::Binary(BinaryOp::Sub, a, b) => {
+                let mut labels = self.labels_of(scope, a)?;
+                let without = match &b.kind {
+                    // A single member.
+                    ExprKind::Name(name) if labels.contains(&name.text) => vec![name.text.clone()],
+                    _ => self.labels_of(scope, b)?,
+                };
+                labels.retain(|label| !without.contains(label));
+                Some(labels)
+            }
+            _ => None,
+        }
+    }
+
+    /// Place of the first part of a set of sets that is not a set.
+    pub(in crate::elaborate) fn not_a_set(&self, scope: ScopeId, e: &Expr) -> Option<Span> {
+        match &e.kind {
+            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.not_a_set(scope, a).or_else(|| self.not_a_set(scope, b)),
+            _ => self.labels_of(scope, e).is_none().then_some(e.span),
+        }
+    }
+
+    /// The variables of a tuple with a name, and where they are declared.
+    pub(in crate::elaborate) fn tuple(&self, e: &Expr, place: &Place) -> Option<(&'a [Expr], ScopeId)> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        let symbol = if place.bound(&name.text).is_none() { self.lookup(place.scope, &name.text)? } else { return None };
+        match self[symbol].kind {
+            SymbolKind::Tuple(list) => Some((list, self[symbol].scope)),
+            _ => None,
+        }
+    }
+
+    /// The set of which a label is a member, the first in sight from a scope.
+    pub(in crate::elaborate) fn set_with(&self, scope: ScopeId, e: &Expr, label: &str) -> Option<(SetId, usize)> {
+        match &e.kind {
+            ExprKind::Name(name) => match self[self.lookup(scope, &name.text)?].kind {
+                SymbolKind::Set(set) => Some((set, self.sets[set].position(label)?)),
+                _ => None,
+            },
+            ExprKind::Binary(_, a, b) => self.set_with(scope, a, label).or_else(|| self.set_with(scope, b, label)),
+            _ => None,
+        }
+    }
+
+    /// The species of a term of a reaction, by its label.
+    pub(in crate::elaborate) fn species_label<'s>(&'s self, one: &OneReaction<'a>, term: &'a ReactionTerm) -> &'s str
+    where
+        'a: 's,
+    {
+        let bound = one.bound.iter().find(|(name, ..)| *name == term.species.text);
+        bound.map_or(&term.species.text, |(_, set, i)| &self.sets[*set].labels[*i])
+    }
+
+    /// Returns `true` if a table is the data of a disturbance, which is read at the present time.
+    pub(in crate::elaborate) fn is_data(&self, table: SymbolId) -> bool {
+        let symbol = &self[table];
+        let name = symbol.path.strip_prefix(&self.scopes[symbol.scope].prefix).unwrap_or_default();
+        self.scopes[symbol.scope].names.get(name) != Some(&table)
     }
 
     /// Returns `true` if the model has a parameter of that name.

@@ -63,6 +63,11 @@ impl<'s> Writer<'s> {
                 self.label("Policy", &name.text, "", policy_text(self, statement, name));
                 entries.iter().for_each(|(left, right)| self.block(&display(&assignment(left, right))));
             }
+            StatementKind::Remove { target, .. } => {
+                let words = self.source.texts.text(statement.span).split_once(' ').map_or("", |(_, rest)| rest.trim());
+                let words = if words.is_empty() { latex::expression(target) } else { code(words) };
+                self.block(&format!("Without {words}."));
+            }
             StatementKind::At { instant, body } => self.at(instant, body),
             StatementKind::Next { .. } | StatementKind::Reset { .. } | StatementKind::Clamp { .. } => {
                 if let Some(line) = change(statement) {

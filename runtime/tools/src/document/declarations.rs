@@ -2,8 +2,8 @@
 
 use smpl_dsl::latex;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Domain, Expr, Ident, Role, SetMembers, Statement, StatementKind, Table, TableCells, TablePoints,
-    TableRow, TimeTable, TimeTableKind,
+    Binder, BinderSet, Clip, Declaration, Domain, Expr, Ident, Measured, Role, SetMembers, Statement, StatementKind, Table, TableCells,
+    TablePoints, TableRow, TimeTable, TimeTableKind,
 };
 
 use super::equations;
@@ -51,6 +51,7 @@ impl<'s> Writer<'s> {
             "symbol" => math(&latex::expression(&equations::element(&d.name, &d.indices))),
             "unit" => self.unit(d.unit.as_ref()),
             "value" | "nominal" | "start" => inline(&d.value),
+            "next value" if d.measured.is_some() => d.measured.as_deref().map(followed).unwrap_or_default(),
             "drawn at reset" | "next value" => {
                 let clip = d.clip.as_ref().map(|clip| self.clip(clip)).unwrap_or_default();
                 format!("{}{clip}", inline(&d.sample))
@@ -104,10 +105,16 @@ impl<'s> Writer<'s> {
                 let size = size.as_ref().map_or_else(|| "a dimension of its own".to_owned(), |size| self.inline(size));
                 self.row(OWN_UNITS, vec![code(&name.text), size, prose(text.as_deref().unwrap_or(""))]);
             }
-            StatementKind::Set { name, members, text } => {
+            StatementKind::Set { name, members, formulas, text } => {
                 let members = match members {
-                    SetMembers::Names(names) => names.iter().map(|n| code(&n.text)).collect::<Vec<_>>().join(", "),
+                    SetMembers::Names(names) => {
+                        let formula =
+                            |n: &Ident| formulas.iter().find(|(member, _)| member.text == n.text).map(|(_, f)| format!(" ({})", f.text));
+                        let member = |n: &Ident| format!("{}{}", code(&n.text), formula(n).unwrap_or_default());
+                        names.iter().map(member).collect::<Vec<_>>().join(", ")
+                    }
                     SetMembers::Range(low, high) => self.range(low, high),
+                    SetMembers::Of(e) => self.inline(e),
                 };
                 self.row(SETS, vec![code(&name.text), members, prose(text.as_deref().unwrap_or(""))]);
             }
@@ -228,4 +235,16 @@ impl<'s> Writer<'s> {
         let label = code(&row.label.text);
         if joined { vec![label, cells.join(", ")] } else { std::iter::once(label).chain(cells).collect() }
     }
+}
+
+/// The data that a disturbance follows.
+fn followed(measured: &Measured) -> String {
+    let kind = match measured.kind {
+        TimeTableKind::Until => "until each point",
+        TimeTableKind::From => "steps",
+        TimeTableKind::Linear => "linear",
+        TimeTableKind::Cubic => "cubic",
+    };
+    let outside = measured.outside.as_ref().map(|word| format!(", {} outside", word.text)).unwrap_or_default();
+    format!("data of {}, {kind}{outside}", code(&measured.path))
 }

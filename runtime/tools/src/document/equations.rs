@@ -1,7 +1,9 @@
 //! Typeset definitions of a file: equations, named expressions, functions, fluxes.
 
 use smpl_dsl::latex;
-use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Local, Parameter, Role, Statement, StatementKind};
+use smpl_dsl::syntax::{
+    Binder, Declaration, Expr, ExprKind, File, Flux, Ident, Local, Parameter, Reaction, ReactionTerm, Role, Statement, StatementKind,
+};
 
 /// The equations of a file and of its components in LaTeX, one display a line.
 #[must_use]
@@ -18,6 +20,7 @@ fn collect(statements: &[Statement], lines: &mut Vec<String>) {
             StatementKind::Declare { role: Role::Let, declarations } => lines.extend(declarations.iter().filter_map(definition)),
             StatementKind::Def { name, parameters, locals, body } => lines.extend(function(name, parameters, locals, body)),
             StatementKind::Flux(flux) => lines.extend(flux_at_faces(flux)),
+            StatementKind::Reaction(one) => lines.push(reaction(one)),
             StatementKind::Component { name, body, .. } => group("component", &name.text, body, lines),
             StatementKind::Variant { name, body, .. } => group("variant", &name.text, body, lines),
             StatementKind::When { choice, option, body } => group(&choice.text, &option.text, body, lines),
@@ -50,6 +53,24 @@ pub(super) fn function(name: &Ident, parameters: &[Parameter], locals: &[Local],
     let left = expression(name, ExprKind::Call { function: name.clone(), arguments });
     let lines = locals.iter().map(|local| latex::equation(&of(&local.name), &local.value, &[]));
     lines.chain([latex::equation(&left, body, &[])]).collect()
+}
+
+/// A reaction with its rate.
+pub(super) fn reaction(reaction: &Reaction) -> String {
+    let term = |term: &ReactionTerm| {
+        let species = latex::name(&term.species.text);
+        term.coefficient.as_ref().map_or(species.clone(), |e| format!("{}\\,{species}", latex::expression(e)))
+    };
+    let side = |consumed: bool| {
+        let terms: Vec<String> = reaction.terms.iter().filter(|t| t.consumed == consumed).map(term).collect();
+        if terms.is_empty() { "\\varnothing".to_owned() } else { terms.join(" + ") }
+    };
+    let d = &reaction.declaration;
+    let rate = d
+        .value
+        .as_ref()
+        .map(|rate| format!(", \\qquad {} = {}", latex::expression(&element(&d.name, &d.indices)), latex::expression(rate)));
+    format!("{} \\rightarrow {}{}", side(true), side(false), rate.unwrap_or_default())
 }
 
 /// The flux inside, and at the ends where it is given.

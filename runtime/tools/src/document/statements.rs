@@ -222,6 +222,13 @@ impl<'s> Writer<'s> {
                 lines.iter().for_each(|line| self.block(&display(line)));
                 self.equation(statement, &last);
             }
+            StatementKind::Reaction(reaction) => {
+                let d = &reaction.declaration;
+                let remark = self.remark(statement.span);
+                let text = d.text.clone().unwrap_or(remark);
+                self.label("Reaction", &declared(&d.name, &d.indices), "", &text);
+                self.block(&display(&equations::reaction(reaction)));
+            }
             StatementKind::Flux(flux) => {
                 self.label("Flux", &declared(&flux.name, &flux.indices), &self.unit(flux.unit.as_ref()), &self.remark(statement.span));
                 equations::flux_at_faces(flux).iter().for_each(|line| self.block(&display(line)));
@@ -336,7 +343,7 @@ fn chapter(kind: &StatementKind) -> &'static str {
             Role::State | Role::Discrete => "States",
             Role::Var | Role::Let => "Equations",
         },
-        StatementKind::Equation { .. } | StatementKind::Def { .. } | StatementKind::Flux(_) => "Equations",
+        StatementKind::Equation { .. } | StatementKind::Def { .. } | StatementKind::Flux(_) | StatementKind::Reaction(_) => "Equations",
         StatementKind::Connector { .. } | StatementKind::Component { .. } => "Components",
         StatementKind::Instance { .. } | StatementKind::Connect { .. } => "Units and connections",
         StatementKind::Initial { .. }

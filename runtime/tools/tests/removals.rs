@@ -1,0 +1,72 @@
+//! Statements that variants take out, the error reward by its name, general powers of quantities.
+
+mod shell;
+
+use shell::{beside, file, name, smpl, status, text};
+
+/// A decaying state with a failure, an observation and two starts.
+const DECAY: &str = "time t : s\nparam k : 1/s = 1\nstate x = 2 in 0..10\neq d/dt x = -k*x\nvar y\neq y = 2*x\ninitial x = 4\n\
+                     observe x, y in 0..20\nreward r default = x\nfail low when x < 3\n\
+                     episode { step = 1 [s], max_steps = 3, error_reward = -7 }\n";
+
+/// Output of a run, and its table.
+fn run(test: &str, source: &str, more: &[&str]) -> (String, String) {
+    let path = file(test, "m.eq", source);
+    let out = beside(&path, "out.csv");
+    let output = smpl(&[&["simulate", name(&path), "--start", "nominal", "--out", name(&out)], more].concat());
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
+    (text(&output.stdout), std::fs::read_to_string(&out).expect("a table"))
+}
+
+#[test]
+fn a_variant_takes_statements_out() {
+    let source = format!(
+        "{DECAY}variant endless {{ remove fail low }}\nvariant low_start {{ remove initial x }}\nvariant blind {{ remove observe y; remove low }}\n\
+         variant given {{ remove y; remove eq y; remove low }}\n"
+    );
+    assert!(run("plain", &source, &[]).0.contains("failed: low"));
+    let (told, table) = run("endless", &source, &["--variant", "endless"]);
+    assert!(!told.contains("failed"), "{told}");
+    assert_eq!(table.lines().count(), 5);
+    let (_, table) = run("low_start", &source, &["--variant", "low_start", "--variant", "endless"]);
+    assert!(table.lines().nth(1).expect("a row").starts_with("0,0,2,"), "{table}");
+    let header = |variant: &str| run(variant, &source, &["--variant", variant]).1.lines().next().expect("a header").to_owned();
+    assert!(header("blind").contains(",y,") && !header("blind").contains("obs.y"));
+    assert!(!header("given").contains("y,"), "{}", header("given"));
+}
+
+#[test]
+fn a_removal_without_a_statement_is_refused() {
+    for line in ["variant v { remove fail hihg }", "variant v { remove eq d/dt y }", "variant v { remove reward low }", "remove low"] {
+        let output = smpl(&["check", name(&file("nothing", "m.eq", format!("{DECAY}{line}\n"))), "--variant", "v"]);
+        let output =
+            if line.starts_with("remove") { smpl(&["check", name(&file("nothing", "m.eq", format!("{DECAY}{line}\n")))]) } else { output };
+        let told = text(&output.stderr);
+        assert!(status(&output) == 1 && told.contains("there is no such statement to remove"), "{line}\n{told}");
+    }
+}
+
+#[test]
+fn the_error_reward_has_a_name_in_rewards_and_failures() {
+    let source = DECAY
+        .replace("fail low when x < 3", "fail floor when reward <= error_reward")
+        .replace("default = x", "default = max(error_reward, x - 8)");
+    let (told, table) = run("named", &source, &[]);
+    // x: 4, 1.47, 0.54; the reward is -6.53, then limited to -7.
+    assert!(told.contains("failed: floor"), "{told}");
+    assert_eq!(table.lines().count(), 4);
+    let (told, _) = run("named", &source, &["--set", "error_reward=-9"]);
+    assert!(!told.contains("failed"), "{told}");
+}
+
+#[test]
+fn powers_with_two_decimals_have_the_unit_that_fits() {
+    let source = "time t : s\nparam k : (mol/m^3)^(-0.32)/s = 0.5\nstate c : mol/L = 3 in 0..10\neq d/dt c = -k*c^1.32\n\
+                  let r : mol/(m^3 s) = k*c^1.32\nepisode { step = 1 [s], max_steps = 2 }\nsolver { rtol = 1e-10 }\n";
+    let (_, table) = run("power", source, &[]);
+    // Closed form in mol/m3: c^(-0.32) = 3000^(-0.32) + 0.32*0.5*t.
+    let c = (3000_f64.powf(-0.32) + 0.32 * 0.5 * 2.0).powf(-1.0 / 0.32);
+    let row: Vec<f64> = table.lines().last().expect("a row").split(',').take(4).map(|cell| cell.parse().expect("a number")).collect();
+    assert!((1000.0 * row[2] - c).abs() < 1e-6 * c, "{row:?} {c}");
+    assert!((row[3] - 0.5 * c.powf(1.32)).abs() < 1e-6 * row[3], "{row:?}");
+}
