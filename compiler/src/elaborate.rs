@@ -23,6 +23,7 @@
 mod budget;
 mod built_ins;
 mod check;
+mod connections;
 mod constants;
 mod declare;
 mod episode;

@@ -3,6 +3,7 @@
 //! A statement that cannot be parsed is reported once and left out; the others are not touched by
 //! its fault. So all independent errors of a file come in one run.
 
+mod control;
 mod declaration;
 mod expression;
 mod message;

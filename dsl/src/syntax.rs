@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::span::Span;
 
-pub use parts::{Expect, Local, Parameter, ParameterKind, TestStep};
+pub use parts::{Control, Expect, Local, Parameter, ParameterKind, PortName, TestStep};
 pub use visit::Form;
 
 /// A name as written, with its place.
@@ -71,17 +71,17 @@ pub enum StatementKind {
     Flux(Flux),
     /// `reaction growth: S + 2 O2 -> 1.1 X rate mu*X`
     Reaction(Reaction),
-    /// `connector Stream { Q : L/min, c[species] : mol/L }`
-    Connector { name: Ident, members: Vec<Declaration> },
+    /// `connector Stream { Q : L/min, c[species] : mol/L }`, `connector Heat { T : K, flow Q : W }`
+    Connector { name: Ident, members: Vec<Declaration>, flows: Vec<Ident> },
     /// `component TubularReactor(n_cells = 40) { ... }`, `component B extends A { ... }`
     Component { name: Ident, parameters: Vec<(Ident, Option<Expr>)>, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
-    /// `port inlet, outlet : Stream`
-    Port { names: Vec<Ident>, connector: Ident },
+    /// `port inlet, outlet : Stream`, `port n[j in links] : Heat`
+    Port { names: Vec<PortName>, connector: Ident },
     /// `use TubularReactor as R1(V = 2 [mL])`, `use Column as col[k in 1..2](...)`
     Instance { component: Ident, name: Ident, indices: Vec<Binder>, arguments: Vec<(Ident, Expr)> },
     /// `connect M1.outlet -> R1.inlet` (a chain of two or more), `connect s[k].out -> s[k+1].in for
-    /// k in 1..9`
-    Connect { chain: Vec<Expr>, binders: Vec<Binder> },
+    /// k in 1..9 if k != 4`
+    Connect { chain: Vec<Expr>, binders: Vec<Binder>, condition: Option<Expr> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
     /// `initial eq p = 2 [bar] free n`, `initial d/dt T = 0 for z`: a condition at the start
@@ -111,8 +111,10 @@ pub enum StatementKind {
     Solver { entries: Vec<(Ident, Expr)> },
     /// `policy nominal { T = 13 [degC] }`: actions of a named open-loop policy
     Policy { name: Ident, entries: Vec<(Expr, Expr)> },
-    /// `at start { ... }`, `at end { ... }`, `at swap { ... }`
-    At { instant: Ident, body: Vec<Statement> },
+    /// `at start { ... }`, `at end { ... }`, `at swap { ... }`, `at every 3 [s] { ... }`
+    At { instant: Ident, every: Option<Expr>, body: Vec<Statement> },
+    /// `control u from y setpoint r gain K reset T limits 0..100 every 3 [s]`
+    Control(Control),
     /// `next Fb = expr` inside `at`
     Next { target: Expr, value: Expr, binders: Vec<Binder> },
     /// `reset x = expr for z` inside `at`

@@ -97,6 +97,15 @@ fn nonnegative_states_have_a_column_after_bounds_and_scale() {
 }
 
 #[test]
+fn controllers_and_regular_instants_keep_their_clauses() {
+    let text = "control  u[k]  from y setpoint r gain -2/70 [%] limits -1 .. 2 manual -1 when c every 3 [s] for k in s\nat every 3[s]{next x=1}\n\
+                connector Heat{T:K,flow Q:W}\nport n[j in links]:Heat\nconnect a->b for i in 1..2 if i!=2\n";
+    let expected = "control u[k] from y setpoint r gain -2/70 [%] limits -1..2 manual -1 when c every 3 [s] for k in s\nat every 3 [s] { next x = 1 }\n\
+                    connector Heat { T : K, flow Q : W }\nport n[j in links] : Heat\nconnect a -> b for i in 1..2 if i != 2\n";
+    assert_eq!(format(text).as_deref(), Ok(expected));
+}
+
+#[test]
 fn units_that_end_in_a_percent_sign_stay_whole() {
     let text = "param a : mol% = 2\nstate x : wt%/h = 3 [vol%/min]\n";
     check(text);

@@ -32,16 +32,16 @@ set species = { A, B, C, D, E, F, G, H }
 set light = { A, B, C }    # do not condense
 set heavy = { D, E, F, G, H }    # liquid in reactor and separator
 
-table over species "heats in cal/g are Btu/lb over 1.8; densities in lb/ft3 with degrees Celsius" {
-  columns: M [kg/kmol], cL0 [cal/(g K)], cL1 [cal/(g K^2)], cL2 [cal/(g K^3)], cG0 [cal/(g K)], cG1 [cal/(g K^2)], cG2 [cal/(g K^3)], H_vap [cal/g], d0 [1], d1 [1/K], d2 [1/K^2]
-  A:  2.0, 1.0,   0,       0,       3.411,  7.18e-4, 6.0e-7,   1/1.8,     1.0,  0,       0
-  B: 25.4, 1.0,   0,       0,       0.3799, 1.08e-3, -3.98e-7, 1/1.8,     1.0,  0,       0
-  C: 28.0, 1.0,   0,       0,       0.2491, 1.36e-5, -3.93e-8, 1/1.8,     1.0,  0,       0
-  D: 32.0, 0.960, 8.70e-3, 4.81e-5, 0.3567, 8.51e-4, -3.12e-7, 86.7/1.8, 23.3, -0.0700, -0.0002
-  E: 46.0, 0.573, 2.41e-3, 1.82e-5, 0.3463, 8.96e-4, -3.27e-7, 160/1.8,  33.9, -0.0957, -0.000152
-  F: 48.0, 0.652, 2.18e-3, 1.94e-5, 0.3930, 1.02e-3, -3.12e-7, 160/1.8,  32.8, -0.0995, -0.000233
-  G: 62.0, 0.515, 5.65e-4, 3.82e-6, 0.170,  0,       0,        225/1.8,  49.9, -0.0191, -0.000425
-  H: 76.0, 0.471, 8.70e-4, 2.62e-6, 0.150,  0,       0,        209/1.8,  50.5, -0.0541, -0.000150
+table over species "heats in cal/g are Btu/lb over 1.8; densities in lb/ft3 with degrees Celsius; price of what is lost" {
+  columns: M [kg/kmol], cL0 [cal/(g K)], cL1 [cal/(g K^2)], cL2 [cal/(g K^3)], cG0 [cal/(g K)], cG1 [cal/(g K^2)], cG2 [cal/(g K^3)], H_vap [cal/g], d0 [1], d1 [1/K], d2 [1/K^2], price [1/kmol]
+  A:  2.0, 1.0,   0,       0,       3.411,  7.18e-4, 6.0e-7,   1/1.8,    1.0,  0,       0,         2.206
+  B: 25.4, 1.0,   0,       0,       0.3799, 1.08e-3, -3.98e-7, 1/1.8,    1.0,  0,       0,         0
+  C: 28.0, 1.0,   0,       0,       0.2491, 1.36e-5, -3.93e-8, 1/1.8,    1.0,  0,       0,         6.177
+  D: 32.0, 0.960, 8.70e-3, 4.81e-5, 0.3567, 8.51e-4, -3.12e-7, 86.7/1.8, 23.3, -0.0700, -0.0002,   22.06
+  E: 46.0, 0.573, 2.41e-3, 1.82e-5, 0.3463, 8.96e-4, -3.27e-7, 160/1.8,  33.9, -0.0957, -0.000152, 14.56
+  F: 48.0, 0.652, 2.18e-3, 1.94e-5, 0.3930, 1.02e-3, -3.12e-7, 160/1.8,  32.8, -0.0995, -0.000233, 17.89
+  G: 62.0, 0.515, 5.65e-4, 3.82e-6, 0.170,  0,       0,        225/1.8,  49.9, -0.0191, -0.000425, 30.44
+  H: 76.0, 0.471, 8.70e-4, 2.62e-6, 0.150,  0,       0,        209/1.8,  50.5, -0.0541, -0.000150, 22.94
 }
 
 table over heavy "vapour pressure by Antoine, mmHg and degrees Celsius; equilibrium factor of the stripper" {
@@ -51,18 +51,6 @@ table over heavy "vapour pressure by Antoine, mmHg and degrees Celsius; equilibr
   F: 16.35, -2114, 265.5, 11.795
   G: 16.43, -2748, 232.9, 0.0480
   H: 17.21, -3318, 249.6, 0.0242
-}
-
-table over species "price of a species that is lost" {
-  columns: price [1/kmol]
-  A: 2.206
-  B: 0
-  C: 6.177
-  D: 22.06
-  E: 14.56
-  F: 17.89
-  G: 30.44
-  H: 22.94
 }
 
 param R_vol : J/(mol K)   = 998.9 [1/K]*mmHg*ft3/lbmol    "gas constant of the gas law, as the original rounds it"
@@ -141,15 +129,9 @@ param fault_15     = 0  in 0..1    "valve of the condenser's coolant sticks"
 
 def from_fault(f) = if (n + 0.5)*step > t_fault then f else 0
 
-disturbance idv1  = 0 ~ from_fault(fault_1)
-disturbance idv2  = 0 ~ from_fault(fault_2)
-disturbance idv3  = 0 ~ from_fault(fault_3)
-disturbance idv4  = 0 ~ from_fault(fault_4)
-disturbance idv5  = 0 ~ from_fault(fault_5)
-disturbance idv6  = 0 ~ from_fault(fault_6)
-disturbance idv7  = 0 ~ from_fault(fault_7)
-disturbance idv14 = 0 ~ from_fault(fault_14)
-disturbance idv15 = 0 ~ from_fault(fault_15)
+disturbance idv1 = 0 ~ from_fault(fault_1),  idv2  = 0 ~ from_fault(fault_2),   idv3  = 0 ~ from_fault(fault_3)
+disturbance idv4 = 0 ~ from_fault(fault_4),  idv5  = 0 ~ from_fault(fault_5),   idv6  = 0 ~ from_fault(fault_6)
+disturbance idv7 = 0 ~ from_fault(fault_7),  idv14 = 0 ~ from_fault(fault_14),  idv15 = 0 ~ from_fault(fault_15)
 
 # ---- Feeds: streams 1 to 4 ----
 
@@ -364,9 +346,9 @@ table sd_feed[seen_feed] : % = { A: 0.25, B: 0.1, C: 0.25, D: 0.1, E: 0.25, F: 0
 table sd_purge[species] : % = { A: 0.25, B: 0.1, C: 0.25, D: 0.1, E: 0.25, F: 0.025, G: 0.05, H: 0.05 }
 table sd_product[seen_product] : % = { D: 0.01, E: 0.01, F: 0.01, G: 0.5, H: 0.5 }
 
-observe a_feed[i] in 0..100 every 6 delay 6 noise normal(0, sd_feed[i]) for i in seen_feed
-observe a_purge[i] in 0..100 every 6 delay 6 noise normal(0, sd_purge[i]) for i in species
-observe a_product[i] in 0..100 every 15 delay 15 noise normal(0, sd_product[i]) for i in seen_product
+observe a_feed[i] in 0..100 every 6 [min] delay 6 [min] noise normal(0, sd_feed[i]) for i in seen_feed
+observe a_purge[i] in 0..100 every 6 [min] delay 6 [min] noise normal(0, sd_purge[i]) for i in species
+observe a_product[i] in 0..100 every 15 [min] delay 15 [min] noise normal(0, sd_product[i]) for i in seen_product
 
 level online "the 22 continuous measurements with their noise; no analysers" {
   observe V_feed_A in 0..1000 noise normal(0, 1.2), W_feed_D in 0..6000 noise normal(0, 18), W_feed_E in 0..9000 noise normal(0, 22)
@@ -429,7 +411,7 @@ invariant mass = mass_held rate mass_in - mass_out
 episode { step = 1 [min], max_steps = 2880, error_reward = -1000 }
 solver  { rtol = 1e-9 }
 
-# ---- Decentralised PI control: the loops of temain_mod.f in velocity form, every three seconds ----
+# ---- Decentralised PI control: the loops of temain_mod.f in velocity form ----
 
 variant pi "19 loops move the valves; the actions are the set-points of an operator" {
   episode { step = 3 [s], max_steps = 57600 }
@@ -439,116 +421,56 @@ variant pi "19 loops move the valves; the actions are the set-points of an opera
   action T_set    : degC  = 120.40  in 110..140    "temperature of the reactor"
   action E_set    : %     = 0.8357  in 0.3..2      "E in the product"
 
-  table over loops "gain, reset time, interval" {
-    columns: K [1], T_i [s], T_s [s]
-    l1:  1,      inf,  3
-    l2:  1,      inf,  3
-    l3:  1,      inf,  3
-    l4:  1,      inf,  3
-    l5:  -0.083, 1,    3
-    l6:  1.22,   inf,  3
-    l7:  -2.06,  inf,  3
-    l8:  -1.62,  inf,  3
-    l9:  0.41,   inf,  3
-    l10: -1.56,  1452, 3
-    l11: 1.09,   2600, 3
-    l13: 18,     3168, 360
-    l14: 8.3,    3168, 360
-    l15: 2.37,   5069, 360
-    l16: 0.169,  236,  3
-    l17: 1.11,   3168, 3
-    l18: 28.3,   982,  3
-    l19: -83.2/15, 6336, 360
-    l20: -16.3/5, 12408, 900
+  discrete u[k in valves] : % = base[k]  in 0..100    "openings"
+  discrete bursting           = 0                     "1: purge open for high pressure, 2: shut for low"
+
+  # Set-points of the cascades.
+  discrete W_D_set : kg/h  = 3664,    W_E_set : kg/h  = 4509.3,  W_S_set : kg/h  = 230.31
+  discrete V_A_set : m^3/h = 250.52,  V_C_set : m^3/h = 9347.7,  V_P_set : m^3/h = 337.12
+  discrete T_wr_set : degC = 94.599, T_c_set : degC = 65.731
+
+  # Last samples of the analysers, which the loops read one period later.
+  discrete s_feed[i in seen_feed]       = y_m[i]
+  discrete s_purge[i in species]        = y[separator, i]
+  discrete s_product[i in seen_product] = x_c[i]
+
+  let high      = p_sep >= 2950 [kPa] or bursting == 1 and p_sep >= 2633.7 [kPa]
+  let low       = p_sep <= 2300 [kPa] or bursting == 2 and p_sep <= 2633.7 [kPa]
+  let over      = not high and not low and bursting > 0
+  let burst : % = if high then 100 else if low then 0 else 40.060
+
+  # Gains are those of the program over the range of the instrument, times the range of the output of a cascade.
+  control u[D_feed] from W_feed_D setpoint W_D_set gain 1/5811 [kg/h] every 3 [s]
+  control u[E_feed] from W_feed_E setpoint W_E_set gain 1/8354 [kg/h] every 3 [s]
+  control u[A_feed] from V_feed_A setpoint V_A_set gain 1/1017 [m^3/h] every 3 [s]
+  control u[C_feed] from V_feed_C setpoint V_C_set gain 1/15250 [m^3/h] every 3 [s]
+  control u[recycle] from V_recycle setpoint 26902 [m^3/h] gain -0.083/53000 [m^3/h] reset 1 [s] every 3 [s]
+  control u[purge] from V_purge setpoint V_P_set gain 1.22/1000 [m^3/h] manual burst when high or low or over every 3 [s]
+  control u[underflow] from L_sep setpoint 50 [%] gain -2.06/70 [%] every 3 [s]
+  control u[product] from L_strip setpoint 50 [%] gain -1.62/70 [%] every 3 [s]
+  control u[steam] from W_steam setpoint W_S_set gain 0.41/460 [kg/h] every 3 [s]
+  control u[reactor_cw] from T_wr setpoint T_wr_set gain -1.56/150 [K] reset 1452 [s] every 3 [s]
+  control u[condenser_cw] from Q_product setpoint rate_set gain 1.09/46 [m^3/h] reset 2600 [s] every 3 [s]
+  control W_S_set from T_c setpoint T_c_set gain 0.169*460 [kg/h]/130 [K] reset 236 [s] every 3 [s]
+  control V_C_set from L_reactor setpoint L_set gain 1.11*15250 [m^3/h]/50 [%] reset 3168 [s] every 3 [s]
+  control T_wr_set from T[reactor] setpoint T_set gain 28.3 reset 982 [s] every 3 [s]
+  control V_A_set from s_feed[A] setpoint 0.32188 gain 18*1017 [m^3/h] reset 3168 [s] every 6 [min]
+  control W_D_set from s_feed[D] setpoint 0.06882 gain 8.3*5811 [kg/h] reset 3168 [s] every 6 [min]
+  control W_E_set from s_feed[E] setpoint 0.18776 gain 2.37*8354 [kg/h] reset 5069 [s] every 6 [min]
+  control V_P_set from s_purge[B] setpoint 0.13823 gain -83.2/15*1000 [m^3/h]/0.26 reset 6336 [s] every 6 [min]
+  control T_c_set from s_product[E] setpoint E_set gain -16.3/5*130 [K]/1.6 [%] reset 12408 [s] every 15 [min]
+
+  at start { next V_P_set = if over then 337.12 [m^3/h] else V_P_set }
+  at every 3 [s] {
+    next held_r   = if abs(u[reactor_cw] - held_r) > stick*idv14 then u[reactor_cw] else held_r
+    next held_c   = if abs(u[condenser_cw] - held_c) > stick*idv15 then u[condenser_cw] else held_c
+    next bursting = if high then 1 else if low then 2 else 0
   }
-
-  discrete u[k in valves] : %     = base[k]  in 0..100    "openings"
-  discrete old[loops]     : %     = 0                     "error one sample ago"
-  discrete W_D_set        : kg/h  = 3664                  "set-points of the cascades"
-  discrete W_E_set        : kg/h  = 4509.3
-  discrete V_A_set        : m^3/h = 250.52
-  discrete V_C_set        : m^3/h = 9347.7
-  discrete V_P_set        : m^3/h = 337.12
-  discrete W_S_set        : kg/h  = 230.31
-  discrete T_wr_set       : degC  = 94.599
-  discrete T_c_set        : degC  = 65.731
-  discrete bursting               = 0                     "1: purge open for high pressure, 2: shut for low"
-
-  # Last samples of the analysers, which the loops read one period later. The first are taken at the first instant.
-  discrete s_feed[i in seen_feed]       = 0
-  discrete s_purge[i in species]        = 0
-  discrete s_product[i in seen_product] = 0
-
-  let gas    = mod(n, 120) == 0 and n > 0
-  let liquid = mod(n, 300) == 0 and n > 0
-
-  # Errors, in percent of the range of the instrument.
-  var e[loops] : %
-  eq e[l1]  = (W_D_set - W_feed_D)/5811 [kg/h]
-  eq e[l2]  = (W_E_set - W_feed_E)/8354 [kg/h]
-  eq e[l3]  = (V_A_set - V_feed_A)/1017 [m^3/h]
-  eq e[l4]  = (V_C_set - V_feed_C)/15250 [m^3/h]
-  eq e[l5]  = (26902 [m^3/h] - V_recycle)/53000 [m^3/h]
-  eq e[l6]  = (V_P_set - V_purge)/1000 [m^3/h]
-  eq e[l7]  = (50 [%] - L_sep)/70 [%]
-  eq e[l8]  = (50 [%] - L_strip)/70 [%]
-  eq e[l9]  = (W_S_set - W_steam)/460 [kg/h]
-  eq e[l10] = (T_wr_set - T_wr)/150 [K]
-  eq e[l11] = (rate_set - Q_product)/46 [m^3/h]
-  eq e[l13] = 0.32188 - s_feed[A]
-  eq e[l14] = 0.06882 - s_feed[D]
-  eq e[l15] = 0.18776 - s_feed[E]
-  eq e[l16] = (T_c_set - T_c)/130 [K]
-  eq e[l17] = (L_set - L_reactor)/50 [%]
-  eq e[l18] = (T_set - T[reactor])/150 [K]
-  eq e[l19] = (0.13823 - s_purge[B])/0.26
-  eq e[l20] = (E_set - s_product[E])/1.6 [%]
-
-  let move[l in loops] = K[l]*(e[l] - old[l] + e[l]*T_s[l]/T_i[l])
-  def moved(k, by) = clip(k + by, 0 [%], 100 [%])
-
-  let high = p_sep >= 2950 [kPa] or bursting == 1 and p_sep >= 2633.7 [kPa]
-  let low  = p_sep <= 2300 [kPa] or bursting == 2 and p_sep <= 2633.7 [kPa]
-  let over = not high and not low and bursting > 0
-
-  let asked_r : % = moved(u[reactor_cw], move[l10])
-  let asked_c : % = moved(u[condenser_cw], move[l11])
-
-  at start {
-    next held_r          = if abs(asked_r - held_r) > stick*idv14 then asked_r else held_r
-    next held_c          = if abs(asked_c - held_c) > stick*idv15 then asked_c else held_c
-    next u[D_feed]       = moved(u[D_feed], move[l1])
-    next u[E_feed]       = moved(u[E_feed], move[l2])
-    next u[A_feed]       = moved(u[A_feed], move[l3])
-    next u[C_feed]       = moved(u[C_feed], move[l4])
-    next u[recycle]      = moved(u[recycle], move[l5])
-    next u[purge]        = if high then 100 [%] else if low then 0 [%] else if over then 40.060 [%] else moved(u[purge], move[l6])
-    next u[underflow]    = moved(u[underflow], move[l7])
-    next u[product]      = moved(u[product], move[l8])
-    next u[steam]        = moved(u[steam], move[l9])
-    next u[reactor_cw]   = asked_r
-    next u[condenser_cw] = asked_c
-    next bursting        = if high then 1 else if low then 2 else 0
-
-    next V_A_set  = if gas then V_A_set + move[l13]*1017 [m^3/h] else V_A_set
-    next W_D_set  = if gas then W_D_set + move[l14]*5811 [kg/h] else W_D_set
-    next W_E_set  = if gas then W_E_set + move[l15]*8354 [kg/h] else W_E_set
-    next V_P_set  = if over then 337.12 [m^3/h] else if gas then V_P_set + move[l19]*1000 [m^3/h] else V_P_set
-    next W_S_set  = W_S_set + move[l16]*460 [kg/h]
-    next V_C_set  = V_C_set + move[l17]*15250 [m^3/h]
-    next T_wr_set = T_wr_set + move[l18]*150 [K]
-    next T_c_set  = if liquid then T_c_set + move[l20]*130 [K] else T_c_set
-
-    next old[l] = if T_s[l] == 3 [s] or T_s[l] == 360 [s] and gas or T_s[l] == 900 [s] and liquid then (if l == l6 and over then 0 [%] else e[l]) else old[l]    for l in loops
-
-    next s_feed[i]    = if mod(n, 120) == 0 then y_m[i] else s_feed[i]              for i in seen_feed
-    next s_purge[i]   = if mod(n, 120) == 0 then y[separator, i] else s_purge[i]    for i in species
-    next s_product[i] = if mod(n, 300) == 0 then x_c[i] else s_product[i]           for i in seen_product
+  at every 6 [min] {
+    next s_feed[i]  = y_m[i]             for i in seen_feed
+    next s_purge[i] = y[separator, i]    for i in species
   }
-
-  observe a_feed[i] in 0..100 every 120 delay 120 noise normal(0, sd_feed[i]) for i in seen_feed
-  observe a_purge[i] in 0..100 every 120 delay 120 noise normal(0, sd_purge[i]) for i in species
-  observe a_product[i] in 0..100 every 300 delay 300 noise normal(0, sd_product[i]) for i in seen_product
+  at every 15 [min] { next s_product[i] = x_c[i]    for i in seen_product }
 }
 
 # ---- Tests: `smpl test models/gallery/tennessee_eastman.eq`, against Downs and Vogel 1993, and their program ----

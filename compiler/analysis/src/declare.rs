@@ -1,7 +1,7 @@
 //! First pass over the trees: the symbols that statements declare.
 
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Ident, Observation, Role, SetMembers, Statement, StatementKind, Table};
+use smpl_dsl::syntax::{Binder, BinderSet, Declaration, Ident, Observation, PortName, Role, SetMembers, Statement, StatementKind, Table};
 
 use crate::symbols::{Site, Symbol, SymbolId, SymbolKind, Symbols};
 
@@ -87,7 +87,7 @@ impl Declarer<'_> {
                 let value = Some(flux.inner.span);
                 Symbol { unit: flux.unit.clone(), indices, value, ..named(&flux.name, SymbolKind::Flux, &None) }
             }
-            StatementKind::Connector { name, members } => {
+            StatementKind::Connector { name, members, .. } => {
                 let connector = self.symbols.declare(named(name, SymbolKind::Connector, &None));
                 let kind = SymbolKind::Variable(Role::Var);
                 return members.iter().for_each(|d| self.declaration(d, kind, Some(connector)));
@@ -105,8 +105,9 @@ impl Declarer<'_> {
                 return self.statements(body, Some(component));
             }
             StatementKind::Port { names, connector } => {
-                for name in names {
-                    let mut symbol = named(name, SymbolKind::Port, &None);
+                for PortName { name, indices } in names {
+                    let indices = indices.iter().map(set_of).collect();
+                    let mut symbol = Symbol { indices, ..named(name, SymbolKind::Port, &None) };
                     symbol.of = Some(connector.text.clone());
                     self.symbols.declare(symbol);
                 }

@@ -58,6 +58,7 @@ impl Hints<'_> {
                 | StatementKind::Reset { binders, .. }
                 | StatementKind::StartEquation { binders, .. }
                 | StatementKind::Initial { binders, .. } => self.binders(binders, within),
+                StatementKind::Control(control) => self.binders(&control.binders, within),
                 StatementKind::Component { name, body, .. } => {
                     let component = self.program.symbols().find(None, true, &name.text);
                     self.statements(body, component);

@@ -156,6 +156,8 @@ fn expressions<'s>(statement: &'s Statement, visit: &mut dyn FnMut(&'s Expr)) {
         | StatementKind::Reset { target, value, .. } => {
             walk(vec![target, value]);
         }
+        StatementKind::Control(control) => walk(control.expressions().collect()),
+        StatementKind::At { every: Some(every), .. } => walk(vec![every]),
         StatementKind::Observe { items } => walk(items.iter().map(|item| &item.value).collect()),
         StatementKind::Instance { arguments, .. } => walk(arguments.iter().map(|(_, value)| value).collect()),
         _ => {}

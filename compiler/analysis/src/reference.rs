@@ -55,6 +55,11 @@ pub(crate) const STATEMENTS: &[(&str, &str, &str)] = &[
     ("solver", "sets options of the solver", "solver { ${1:rtol} = ${2:1e-6} }"),
     ("policy", "names open-loop values of the actions", "policy ${1:nominal} { ${2:u} = ${3:0} }"),
     ("at", "holds what happens at an instant", "at ${1:start} {\n  $0\n}"),
+    (
+        "control",
+        "sets a discrete variable by a PI controller at regular instants",
+        "control ${1:u} from ${2:y} setpoint ${3:r} gain ${4:K} reset ${5:T} every ${6:3} [${7:s}]",
+    ),
     ("next", "updates a discrete variable", "next ${1:x} = ${2:expression}"),
     ("reset", "sets a state at an instant", "reset ${1:x} = ${2:expression}"),
     ("clamp", "limits a state at an instant", "clamp ${1:x} at ${2:value} when ${3:condition}"),

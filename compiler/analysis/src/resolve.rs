@@ -196,7 +196,8 @@ impl Resolver<'_> {
                 self.statements(body);
                 self.within = outer;
             }
-            StatementKind::Port { connector, .. } => {
+            StatementKind::Port { connector, names } => {
+                names.iter().for_each(|port| self.binders(&port.indices));
                 self.global(connector);
             }
             StatementKind::Instance { component, indices, arguments, .. } => {
@@ -207,10 +208,11 @@ impl Resolver<'_> {
                     self.expr(value);
                 }
             }
-            StatementKind::Connect { chain, binders } => {
+            StatementKind::Connect { chain, binders, condition } => {
                 let before = self.out.occurrences.len();
                 self.binders(binders);
                 self.exprs(chain);
+                self.exprs(condition);
                 self.note_equation(statement.span, None, before);
             }
             _ => self.problem(statement),
@@ -257,15 +259,20 @@ impl Resolver<'_> {
                     self.expr(value);
                 });
             }
-            StatementKind::At { instant, body } => {
-                if !matches!(instant.text.as_str(), "start" | "end") {
+            StatementKind::At { instant, every, body } => {
+                if every.is_none() && !matches!(instant.text.as_str(), "start" | "end") {
                     self.global(instant);
                 }
+                self.exprs(every);
                 self.statements(body);
             }
             StatementKind::Next { target, value, binders } | StatementKind::Reset { target, value, binders } => {
                 self.binders(binders);
                 self.exprs([target, value]);
+            }
+            StatementKind::Control(control) => {
+                self.binders(&control.binders);
+                self.exprs(control.expressions());
             }
             StatementKind::Clamp { target, value, condition, binders } => {
                 self.binders(binders);

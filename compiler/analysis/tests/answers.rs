@@ -352,3 +352,18 @@ fn statements_of_tests_are_proposed_and_resolved() {
     let at = text.rfind("h > 0").expect("the state");
     assert!(hovered(&text, at).contains("state h : m"));
 }
+
+#[test]
+fn clauses_of_controllers_and_members_of_arrays_of_ports_are_offered() {
+    let found = labels("discrete u = 0\nstate y = 0\ncontrol u from y ‸");
+    assert!(["setpoint", "gain", "reset", "limits", "manual", "every"].iter().all(|word| found.contains(&(*word).to_owned())), "{found:?}");
+    let text = "set links = { a, b }\nconnector Heat { T : K, flow Q : W }\ncomponent Hub { port n[j in links] : Heat ; eq n[j].‸ = 1 }\nuse Hub as h\n";
+    let found = labels(text);
+    assert!(found.contains(&"T".to_owned()) && found.contains(&"Q".to_owned()), "{found:?}");
+    let texts = Memory::of([(
+        "m.eq",
+        "discrete u = 0\nstate y = 0\ncontrol u from y setpoint 1 gain 2 every 3 [s]\nat every 3 [s] { next u = y }\n",
+    )]);
+    let renamed = renamed(&texts, "m.eq", "y", 1, "height").expect("renamed");
+    assert_eq!(text_of(&renamed, "m.eq").matches("height").count(), 3);
+}

@@ -7,22 +7,24 @@ pub(in crate::elaborate) mod declaring;
 mod functions_of_quantities;
 mod instances;
 pub(in crate::elaborate) mod interpolation;
+mod packages;
 mod phases;
 mod reactions;
 mod tables;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Expr, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, Expr, Ident, PortName, Statement, StatementKind};
 use smpl_dsl::units::{OwnUnits, Unit};
 
 use crate::elaborate::declare::declarations::Turn;
 use crate::elaborate::declare::declaring::Declaring;
 use crate::elaborate::declare::instances::{Lineage, MAX_INSTANTIATED};
+use crate::elaborate::hidden::Regular;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place, Site};
 use crate::elaborate::lower::{binders, units};
 use crate::elaborate::select::imports::gathered;
-use crate::elaborate::select::items::{Item, items, overlay, removed};
+use crate::elaborate::select::items::{Item, Selection, items, overlay, removed};
 use crate::elaborate::symbols::{Row, Scope, ScopeId, Symbol, SymbolKind};
 
 impl<'a> Declaring<'_, 'a> {
@@ -39,6 +41,19 @@ impl<'a> Declaring<'_, 'a> {
         self.declare_units(&list);
         self.declare_time(root, &list);
         self.declare_block(root, list, 0);
+        self.declare_regular();
+    }
+
+    /// Declares the memory of regular instants, if there are any.
+    fn declare_regular(&mut self) {
+        let is_regular = |item: &Item<'_>| match item {
+            Item::At(moment, _) => moment.every.is_some(),
+            Item::Other(statement) => matches!(statement.kind, StatementKind::Control(_)),
+            Item::Declare(..) | Item::Observe(_) => false,
+        };
+        if self.instances.blocks.iter().flat_map(|(_, items)| items).any(is_regular) {
+            self.work.hidden.regular = Some(Regular::new(&mut self.symbols.vars));
+        }
     }
 
     /// Declares the units of the model: everything else may be in them.
@@ -212,10 +227,30 @@ impl<'a> Declaring<'_, 'a> {
             Item::Declare(role, d) if !d.indices.is_empty() => self.declare_variable(scope, *role, d),
             Item::Other(Statement { kind: StatementKind::Flux(flux), .. }) => self.declare_flux(scope, flux),
             Item::Other(Statement { kind: StatementKind::Port { names, connector }, .. }) => {
-                names.iter().for_each(|name| self.declare_port(scope, name, connector));
+                names.iter().for_each(|port| self.declare_ports(scope, port, connector));
             }
             _ => {}
         }
+    }
+
+    /// A port, or one for each member of a set.
+    fn declare_ports(&mut self, scope: ScopeId, port: &'a PortName, connector: &'a Ident) {
+        let path = format!("{}{}", self.symbols.scopes[scope].prefix, port.name.text);
+        let kind = match port.indices.as_slice() {
+            [] => self.declare_port(scope, path, connector).map(SymbolKind::Instance),
+            indices => self.row_of_ports(scope, &path, indices, connector),
+        };
+        self.declare(scope, &port.name, kind.unwrap_or(SymbolKind::Faulty));
+    }
+
+    fn row_of_ports(&mut self, scope: ScopeId, path: &str, indices: &[Binder], connector: &Ident) -> Option<SymbolKind<'a>> {
+        let labels = self.labelled(indices, &Place::new(scope, Site::Dynamics), "ports")?;
+        let mut list = Vec::with_capacity(labels.len());
+        for (label, _) in labels {
+            let port = self.declare_port(scope, format!("{path}[{label}]"), connector)?;
+            list.push((label, port));
+        }
+        Some(SymbolKind::Instances(Row::new(list, indices.len()).into()))
     }
 
     /// Instances of a component: one, or one for each member of a set.
@@ -228,57 +263,74 @@ impl<'a> Declaring<'_, 'a> {
         arguments: &'a [(Ident, Expr)],
         depth: usize,
     ) {
-        let Some(statement) = self.instantiable(component, depth) else { return self.faulty(scope, name) };
+        let Some(statement) = self.instantiable(scope, component, depth) else { return self.faulty(scope, name) };
         let place = Place::new(scope, Site::Dynamics);
         let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
         let kind = match indices {
             [] => Some(SymbolKind::Instance(self.instantiate(statement, &path, name.span, arguments, &place, depth))),
-            [binder] => self.row_of_instances(statement, (&path, name.span), binder, arguments, &place, depth),
-            _ => {
-                self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, "instances take one index", name.span));
-                None
-            }
+            indices => self.row_of_instances(statement, (&path, name.span), indices, arguments, &place, depth),
         };
         self.declare(scope, name, kind.unwrap_or(SymbolKind::Faulty));
     }
 
-    /// An instance for each member of a set; `None`, and a report, where they are too many or what
-    /// counts them is no set.
+    /// An instance for each member of a set, or for each combination of members; `None`, and a
+    /// report, where they are too many or what counts them is no set.
     fn row_of_instances(
         &mut self,
         statement: &'a Statement,
         (path, used): (&str, Span),
-        binder: &'a Binder,
+        indices: &'a [Binder],
         arguments: &'a [(Ident, Expr)],
         place: &Place,
         depth: usize,
     ) -> Option<SymbolKind<'a>> {
         let mut list = Vec::new();
-        for value in binders::bindings_of(&mut self.lowering(), binder, place) {
+        for (label, inner_place) in self.labelled(indices, place, "instances")? {
             if self.instances.made > MAX_INSTANTIATED {
                 return None;
             }
-            let BinderValue::One(bound) = value else {
-                self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, "instances are counted by a set", binder.span));
-                return None;
-            };
-            let label = match &bound {
-                Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
-                Bound::Number(e) => self.work.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
-                _ => continue,
-            };
             if !self.instances.samples.may_instantiate(depth) {
                 break;
             }
-            let inner_place = place.bind(&binder.name.text, bound);
             let inner = self.instantiate(statement, &format!("{path}[{label}]"), used, arguments, &inner_place, depth);
             list.push((label, inner));
         }
-        Some(SymbolKind::Instances(Row::new(list).into()))
+        Some(SymbolKind::Instances(Row::new(list, indices.len()).into()))
+    }
+
+    /// The label of each combination of index members, with the place at which they are bound.
+    fn labelled(&mut self, indices: &[Binder], place: &Place, what: &str) -> Option<Vec<(String, Place)>> {
+        let mut out = vec![(String::new(), place.clone())];
+        for binder in indices {
+            let mut next = Vec::new();
+            for (before, outer) in out {
+                for value in binders::bindings_of(&mut self.lowering(), binder, &outer) {
+                    let BinderValue::One(bound) = value else {
+                        let message = format!("{what} are counted by a set");
+                        self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, binder.span));
+                        return None;
+                    };
+                    let label = match &bound {
+                        Bound::Member(set, i) => self.symbols.sets[*set].labels[*i].clone(),
+                        Bound::Number(e) => self.work.exprs.as_const(*e).map_or_else(String::new, |x| x.to_string()),
+                        _ => continue,
+                    };
+                    let label = if before.is_empty() { label } else { format!("{before},{label}") };
+                    next.push((label, outer.bind(&binder.name.text, bound)));
+                    if next.len() > MAX_INSTANTIATED {
+                        let message = format!("more than {MAX_INSTANTIATED} {what}");
+                        self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, binder.span));
+                        return None;
+                    }
+                }
+            }
+            out = next;
+        }
+        Some(out)
     }
 
     /// Declares what an instance holds, in a scope of its own.
-    fn instantiate(
+    pub(in crate::elaborate::declare) fn instantiate(
         &mut self,
         statement: &'a Statement,
         path: &str,
@@ -300,11 +352,12 @@ impl<'a> Declaring<'_, 'a> {
                 self.declare(scope, parameter, kind);
                 continue;
             }
-            self.structural(scope, (path, used), parameter, given, default.as_ref(), outer);
+            self.structural(scope, (path, used), parameter, (given, default.as_ref()), (outer, depth));
         }
+        let selection = self.selection_of(scope, &parameters);
         let mut list = Vec::new();
         for body in bodies {
-            let own = items(body, &self.input.selection);
+            let own = items(body, &selection);
             if list.is_empty() { list = own } else { overlay(&mut list, own) }
         }
         self.note_given(scope, (name, &parameters), &list, arguments, outer);
@@ -316,6 +369,18 @@ impl<'a> Declaring<'_, 'a> {
         scope
     }
 
+    /// Options of an instance: those of the model, and its own switches.
+    fn selection_of(&self, scope: ScopeId, parameters: &[&(Ident, Option<Expr>)]) -> Selection {
+        let mut selection = self.input.selection.clone();
+        for (parameter, _) in parameters {
+            let symbol = self.symbols.scopes[scope].names.get(&parameter.text);
+            if let Some(SymbolKind::Truth(holds)) = symbol.map(|&symbol| &self.symbols[symbol].kind) {
+                selection.chosen.insert(parameter.text.clone(), holds.to_string());
+            }
+        }
+        selection
+    }
+
     /// Declares what components see of the file, and one instance of each.
     pub(in crate::elaborate) fn declare_samples(&mut self, components: &[&'a Statement]) {
         self.instances.samples.instances = Some(0);
@@ -325,5 +390,6 @@ impl<'a> Declaring<'_, 'a> {
             let StatementKind::Component { name, .. } = &statement.kind else { continue };
             self.instantiate(statement, &name.text, name.span, &[], &place, 0);
         }
+        self.declare_regular();
     }
 }

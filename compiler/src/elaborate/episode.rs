@@ -8,6 +8,7 @@ mod amounts;
 mod assembly;
 mod boxes;
 mod common;
+mod controllers;
 mod entries;
 mod finish;
 mod initial;
@@ -22,6 +23,7 @@ mod phases;
 mod policies;
 mod positions;
 mod ranges;
+mod regular;
 mod rewards;
 mod settings;
 mod starts;
@@ -55,13 +57,15 @@ pub(in crate::elaborate) struct Control {
 /// Elaborates the control problem, step by step.
 pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Control {
     let blocks = &l.instances.blocks;
-    let (mut episode, solver) = settings::settings(l, blocks);
+    let (mut episode, mut solver) = settings::settings(l, blocks);
     let parameters = parameters::parameter_program(l);
     let steady = initial::steady_program(l, blocks);
-    let (initial_states, initial_discretes) = initial::initial_programs(l, blocks);
+    let (initial_states, mut initial_discretes) = initial::initial_programs(l, blocks);
     let (conditions, start_conditions) = starts::start_conditions(l, blocks);
     let disturb = parameters::disturbance_program(l);
-    let mut instants = instants::instant_programs(l, blocks);
+    let mut instants = instants::instant_programs(l, blocks, episode.integrate);
+    initial_discretes.nests.extend(regular::initial(l));
+    solver.max_events = solver.max_events.saturating_add(regular::most_in_a_step(l, episode.integrate));
     phases::schedule_programs(l, &mut instants);
     let policies = policies::policies(l, blocks);
     let ending = finish::ending(l, blocks, &mut episode);

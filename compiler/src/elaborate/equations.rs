@@ -1,19 +1,17 @@
-//! Equations and connections.
-
-use std::collections::BTreeMap;
+//! Equations.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Declaration, Expr, ExprKind, StatementKind};
 
+use crate::elaborate::connections::{Nodes, connections};
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::value::Measure;
-use crate::elaborate::lower::{Lowering, indices, nests, paths, units};
+use crate::elaborate::lower::{Lowering, nests, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::space::flux;
-use crate::elaborate::symbols::{Axis, ScopeId, SymbolId, SymbolKind};
-use crate::ir::{Affine, Expr as Node, ExprId, Flavour, LoopVar, Role, VarId};
+use crate::elaborate::symbols::ScopeId;
+use crate::ir::{Affine, Expr as Node, ExprId, Flavour, Role, VarId};
 
 /// An equation over a nest of loops.
 #[derive(Clone, Debug)]
@@ -71,6 +69,7 @@ impl EquationForm {
 /// All equations and connections.
 pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec<Equation> {
     let mut out = Vec::new();
+    let mut nodes = Nodes::default();
     for (scope, items) in &l.instances.blocks {
         for item in items {
             if let Item::Declare(_, Declaration { name, measured: Some(measured), span, .. }) = item
@@ -82,11 +81,14 @@ pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec
             let Item::Other(statement) = item else { continue };
             match &statement.kind {
                 StatementKind::Equation { lhs, rhs, binders } => equation(l, *scope, (lhs, rhs, binders), statement.span, &mut out),
-                StatementKind::Connect { chain, binders } => connections(l, *scope, (chain, binders), statement.span, &mut out),
+                StatementKind::Connect { chain, binders, condition } => {
+                    connections(l, *scope, (chain, binders, condition.as_ref()), statement.span, (&mut out, &mut nodes));
+                }
                 _ => {}
             }
         }
     }
+    nodes.close(l, &mut out);
     out
 }
 
@@ -180,108 +182,4 @@ fn may_loop(l: &Lowering<'_, '_>, form: EquationForm) -> bool {
 fn shares_sums(l: &Lowering<'_, '_>, form: EquationForm, runs: u8, depth: u8) -> bool {
     let repeats = |free: u8| (0..depth).any(|d| runs & free & (1 << d) != 0 && !free & ((1 << d) - 1) != 0);
     !l.exprs.has_reduction(form.value(), repeats)
-}
-
-/// `connect a[k] -> b[k] for k in 1..3`: one connection for each value of the indices.
-fn connections(l: &mut Lowering<'_, '_>, scope: ScopeId, (chain, binders): (&[Expr], &[Binder]), span: Span, out: &mut Vec<Equation>) {
-    let pieces = nests::nest(l, binders, &Place::new(scope, Site::Dynamics), &mut |s, inner| {
-        let mut found = Vec::new();
-        if inner.depth == 0 {
-            connect(s, inner, chain, span, &mut found);
-        } else {
-            let message = "connections go over sets and ranges of numbers, not over the cells of a domain";
-            s.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, span));
-        }
-        found
-    });
-    out.extend(pieces.into_iter().flat_map(|piece| piece.value));
-}
-
-/// `connect a -> b`: every member of `b` equals that of `a`.
-fn connect(l: &mut Lowering<'_, '_>, place: &Place, chain: &[Expr], span: Span, out: &mut Vec<Equation>) {
-    for pair in chain.windows(2) {
-        let (Some(from), Some(to)) = (paths::scope_of(l, &pair[0], place), paths::scope_of(l, &pair[1], place)) else { continue };
-        let members = |s: &Lowering<'_, '_>, scope: ScopeId| -> BTreeMap<String, SymbolId> {
-            s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
-        };
-        let (sources, targets) = (members(l, from), members(l, to));
-        if sources.keys().ne(targets.keys()) {
-            let fault = different_connectors(l, [from, to], span);
-            l.ledger.report(fault);
-            continue;
-        }
-        for (name, source) in sources {
-            if let Some(&target) = targets.get(&name) {
-                join(l, [source, target], [from, to], span, out);
-            }
-        }
-    }
-}
-
-/// The fault of a connection of two ports that do not fit, with the connectors of both.
-fn different_connectors(l: &Lowering<'_, '_>, ports: [ScopeId; 2], span: Span) -> Diagnostic {
-    let known = ports.map(|scope| {
-        let path = l.symbols.scopes[scope].prefix.trim_end_matches('.').to_owned();
-        let port = l.symbols.ports.iter().find(|port| port.path == path);
-        (path, port.map(|port| port.connector.as_str()))
-    });
-    let [(a, Some(first)), (b, Some(second))] = &known else {
-        return Diagnostic::error(codes::WRONG_SHAPE, "two ports of different connectors are connected", span);
-    };
-    let message = format!("ports of different connectors are connected: `{a}` is a `{first}`, `{b}` a `{second}`");
-    let mut fault = Diagnostic::error(codes::WRONG_SHAPE, message, span);
-    for connector in [first, second] {
-        if let Some(declared) = l.instances.connectors.get(connector) {
-            fault = fault.secondary(declared.span, format!("`{connector}`"));
-        }
-    }
-    fault.help("give both ports the same connector")
-}
-
-fn join(
-    l: &mut Lowering<'_, '_>,
-    [source, target]: [SymbolId; 2],
-    [from_port, to_port]: [ScopeId; 2],
-    span: Span,
-    out: &mut Vec<Equation>,
-) {
-    let (SymbolKind::Variable { var: from, axes: source_axes, unit, .. }, SymbolKind::Variable { var: to, axes, unit: wanted, .. }) =
-        (l.symbols[source].kind.clone(), l.symbols[target].kind.clone())
-    else {
-        l.ledger.report(Diagnostic::error(codes::WRONG_KIND, "only ports are connected", span));
-        return;
-    };
-    if l.symbols.vars[from].len != l.symbols.vars[to].len || source_axes.len() != axes.len() {
-        let fault = different_connectors(l, [from_port, to_port], span);
-        let (a, b) = (&l.symbols[source].path, &l.symbols[target].path);
-        let (m, n) = (l.symbols.vars[from].len, l.symbols.vars[to].len);
-        l.ledger.report(fault.note(format!("`{a}` and `{b}` have different sizes: {m} and {n}")));
-        return;
-    }
-    let elsewhere = source_axes.iter().zip(axes.iter()).any(|pair| match pair {
-        (Axis::Domain(a), Axis::Domain(b)) => !indices::same_cells(l, *a, *b),
-        (a, b) => matches!(a, Axis::Domain(_)) || matches!(b, Axis::Domain(_)),
-    });
-    if elsewhere {
-        let (a, b) = (&l.symbols[source].path, &l.symbols[target].path);
-        let message = format!("the cells of `{a}` and `{b}` lie elsewhere");
-        let help =
-            "declare both domains with as many cells between the same ends, written with the same numbers and parameters of the file";
-        l.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, span).help(help));
-        return;
-    }
-    let len = i64::from(l.symbols.vars[to].len);
-    let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));
-    let addresses: Vec<(Vec<u32>, Affine)> = if sets && len < SHORTEST {
-        (0..len).map(|i| (Vec::new(), Affine::constant(i))).collect()
-    } else {
-        vec![(vec![len as u32], Affine::along(0, LoopVar(0), 1))]
-    };
-    for (extents, at) in addresses {
-        let runs = u8::from(sets && !extents.is_empty());
-        let load = l.exprs.load(from, Flavour::Value, at);
-        let Some(value) = l.values().convert(load, &unit, &wanted) else { continue };
-        let form = EquationForm::Definition { var: to, at, value };
-        out.push(Equation { extents, runs, repeats: None, form, span });
-    }
 }

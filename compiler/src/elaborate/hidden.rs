@@ -23,6 +23,8 @@ pub(in crate::elaborate) struct Hidden {
     pub delays: Delays,
     /// Old values of what the assignments of one block read and set.
     pub held: Held,
+    /// Memory of regular instants, where the model has any.
+    pub regular: Option<Regular>,
     /// Something asks for the steady state.
     pub steady: bool,
 }
@@ -34,6 +36,25 @@ pub(in crate::elaborate) struct Held {
     pub var: VarId,
     /// Its elements.
     pub len: u32,
+}
+
+/// Memory of `at every` and of controllers.
+#[derive(Debug)]
+pub(in crate::elaborate) struct Regular {
+    /// Number of the next instant of each interval.
+    pub ticks: VarId,
+    /// The intervals, in the unit of time.
+    pub intervals: Vec<f64>,
+    /// Errors of controllers at their last instants.
+    pub errors: Held,
+}
+
+impl Regular {
+    /// Declares the variables.
+    pub(in crate::elaborate) fn new(vars: &mut PrimaryMap<VarId, Variable>) -> Self {
+        let mut hidden = |name: &str| vars.push(Variable { name: name.to_owned(), role: Role::Discrete, len: 0, span: Span::default() });
+        Regular { ticks: hidden("tick"), intervals: Vec::new(), errors: Held { var: hidden("error"), len: 0 } }
+    }
 }
 
 /// Standard variates.
@@ -89,7 +110,7 @@ impl Hidden {
         let delays = Delays { var: hidden("delayed", Role::Delayed), list: Vec::new() };
         let held = Held { var: hidden("held", Role::Discrete), len: 0 };
         vars[builtins].len = BUILTIN_COUNT;
-        Hidden { builtins, param_given, draws, quadratures, delays, held, steady: false }
+        Hidden { builtins, param_given, draws, quadratures, delays, held, regular: None, steady: false }
     }
 
     /// Elements of the arrays: what tells whether an attempt has added some.
@@ -111,6 +132,10 @@ impl Hidden {
         vars[self.quadratures.var].len = self.quadratures.list.len() as u32;
         vars[self.delays.var].len = DELAY_SLOTS * self.delays.len();
         vars[self.held.var].len = self.held.len;
+        if let Some(regular) = &self.regular {
+            vars[regular.ticks].len = regular.intervals.len() as u32;
+            vars[regular.errors.var].len = regular.errors.len;
+        }
         vars[self.param_given].len = vars.values().filter(|v| v.role == Role::Param).map(|v| v.len).sum();
     }
 }

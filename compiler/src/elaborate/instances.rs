@@ -29,6 +29,8 @@ pub(in crate::elaborate) struct Instances<'a> {
     pub open: Vec<&'a str>,
     /// Declarations made for instances so far.
     pub made: usize,
+    /// Components that are arguments of instances, by the scope and the name of the parameter.
+    pub types: FastMap<(ScopeId, &'a str), &'a Statement>,
     /// Components that have an instance.
     pub used: FastSet<&'a str>,
     /// Place of use of the component of each instance.

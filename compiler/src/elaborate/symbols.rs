@@ -92,6 +92,8 @@ pub(super) enum SymbolKind<'a> {
     Choice { options: &'a [Ident], chosen: usize },
     /// A structural number.
     Integer(i64),
+    /// A structural switch.
+    Truth(bool),
     /// The phase in force; as a set, all phases.
     Phase(SetId),
     /// The independent variable.
@@ -154,14 +156,16 @@ pub(super) struct Grid {
 pub(super) struct Row {
     /// Label and scope of each.
     pub list: Vec<(String, ScopeId)>,
+    /// Number of indices, whose labels a comma separates.
+    pub indices: usize,
     by_label: FastMap<String, ScopeId>,
 }
 
 impl Row {
     /// A row of instances.
-    pub(super) fn new(list: Vec<(String, ScopeId)>) -> Row {
+    pub(super) fn new(list: Vec<(String, ScopeId)>, indices: usize) -> Row {
         let by_label = list.iter().cloned().collect();
-        Row { list, by_label }
+        Row { list, indices, by_label }
     }
 
     /// The instance with a label.
@@ -286,8 +290,12 @@ pub(in crate::elaborate) struct Port {
     pub path: String,
     /// Name of its connector.
     pub connector: String,
+    /// Its scope.
+    pub scope: ScopeId,
     /// Its members as the connector declares them.
     pub members: Vec<SymbolId>,
+    /// Those after `flow`.
+    pub flows: Vec<SymbolId>,
 }
 
 /// All scopes, symbols, sets and domains, and the variables that they stand for.
@@ -313,6 +321,8 @@ pub(super) struct Symbols<'a> {
     pub schedule: Option<Schedule<'a>>,
     /// Ports of all instances.
     pub ports: Vec<Port>,
+    /// Packages that are arguments of instances.
+    pub packages: FastMap<ScopeId, Vec<ScopeId>>,
     /// Name of the independent variable.
     pub time_name: String,
     /// Its unit.
@@ -332,6 +342,7 @@ impl Default for Symbols<'_> {
             schedule: None,
             of_var: FastMap::default(),
             ports: Vec::new(),
+            packages: FastMap::default(),
             time_name: "t".to_owned(),
             time_unit: Unit::one(),
         }

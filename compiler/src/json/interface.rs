@@ -155,15 +155,16 @@ fn port(at: &At<'_>, known: &Quantities) -> Result<Port, ReadError> {
     at.only(&["name", "connector", "members"])?;
     let others = [&known.states, &known.actions, &known.disturbances, &known.parameters, &known.discretes];
     let members = at.field("members")?.list(|member| {
-        member.only(&["name", "output", "equals"])?;
+        member.only(&["name", "output", "equals", "flow"])?;
         let (output, equals) = (member.field("output")?, member.field("equals")?);
         let (text, none) = (output.text()?, || output.fault("there is no such output"));
         let length = known.algebraics.iter().find(|q| q.name == text).ok_or_else(none)?.len();
+        let flow = member.maybe("flow")?.map(|at| at.flag()).transpose()?.unwrap_or_default();
         let name = if equals.is_null() { None } else { Some(equals.string()?) };
         if name.as_ref().is_some_and(|name| !others.into_iter().flatten().any(|q| q.name == *name && q.len() == length)) {
             return Err(equals.fault(format!("there is no such quantity of {length} elements")));
         }
-        Ok(PortMember { name: member.field("name")?.string()?, output: output.string()?, equals: name })
+        Ok(PortMember { name: member.field("name")?.string()?, output: output.string()?, equals: name, flow })
     })?;
     Ok(Port { name: at.field("name")?.string()?, connector: at.field("connector")?.string()?, members })
 }

@@ -130,7 +130,7 @@ fn quantities(i: &Quantities) -> Value {
 }
 
 fn port(port: &Port) -> Value {
-    let member = |m: &PortMember| json!({"name": m.name, "output": m.output, "equals": m.equals});
+    let member = |m: &PortMember| json!({"name": m.name, "output": m.output, "equals": m.equals, "flow": m.flow});
     json!({"name": port.name, "connector": port.connector, "members": port.members.iter().map(member).collect::<Vec<_>>()})
 }
 

@@ -163,6 +163,8 @@ pub struct PortMember {
     /// Name of the state, action, disturbance, parameter or discrete variable that it always is,
     /// number by number; `None` where it is computed.
     pub equals: Option<String>,
+    /// It flows into the component, and sums to zero over connected ports.
+    pub flow: bool,
 }
 
 /// End of a step, in the order of the output of [`super::Programs::finish`].

@@ -8,7 +8,7 @@
 ;;; Code:
 
 (defconst smpl-statements
-  '("model" "use" "time" "unit" "set" "table" "def" "param" "action" "state" "var" "let" "discrete" "disturbance" "random" "eq" "domain" "flux" "reaction" "connector" "component" "port" "connect" "initial" "steady" "observe" "level" "reward" "fail" "success" "constraint" "invariant" "episode" "solver" "policy" "at" "next" "reset" "clamp" "event" "phase" "test" "expect" "remove" "variant" "choice" "when")
+  '("model" "use" "time" "unit" "set" "table" "def" "param" "action" "state" "var" "let" "discrete" "disturbance" "random" "eq" "domain" "flux" "reaction" "connector" "component" "port" "connect" "initial" "steady" "observe" "level" "reward" "fail" "success" "constraint" "invariant" "episode" "solver" "policy" "at" "next" "reset" "clamp" "control" "event" "phase" "test" "expect" "remove" "variant" "choice" "when")
   "Keywords that begin a statement.")
 
 (defconst smpl-clauses
@@ -16,7 +16,7 @@
   "Keywords inside of a statement.")
 
 (defconst smpl-functions
-  '("abs" "acos" "all" "any" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "exp" "floor" "grad" "high" "initial" "inside" "integral" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "uniform" "upwind" "value" "volume" "width")
+  '("abs" "acos" "all" "any" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "exp" "floor" "grad" "high" "initial" "inside" "integral" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "sampled" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "uniform" "upwind" "value" "volume" "width")
   "Built-in functions.")
 
 (defvar smpl-mode-syntax-table

@@ -31,8 +31,10 @@ pub(super) struct Token<'t> {
 const PAIRS: &[&str] = &["..", "->", "==", "!=", "<=", ">="];
 
 /// Words before which an expression has not begun, so that a sign behind them belongs to a number.
-const BEFORE_EXPRESSION: &[&str] =
-    &["at", "scale", "every", "delay", "noise", "until", "when", "event", "rate", "cells", "default", "clip"];
+const BEFORE_EXPRESSION: &[&str] = &[
+    "at", "scale", "every", "delay", "noise", "until", "when", "event", "rate", "cells", "default", "clip", "from", "setpoint", "gain",
+    "limits", "manual",
+];
 
 /// The tokens of a range of the text; comments are tokens too.
 pub(super) fn tokens<'t>(text: &'t str, range: Range<usize>, comments: &[Range<usize>]) -> Vec<Token<'t>> {

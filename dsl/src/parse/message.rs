@@ -53,10 +53,6 @@ fn meant(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
                 "write names only, `def f(a, b) = expression`: units are those of the arguments, and checked where the function is called";
             ("the parameters and the result of a `def` have no declared unit".to_owned(), form.to_owned())
         }
-        "if" if keyword == "connect" => {
-            let form = "restrict the range, `connect a[k] -> b[k] for k in 2..5`, or write a `connect` for each";
-            ("`connect` has no condition".to_owned(), form.to_owned())
-        }
         _ if found.starts_with('"') && written.ends_with(['=', '!', '>', '<']) => {
             let name = found.trim_matches('"');
             let (left, operator) = comparison_before(written)?;
@@ -243,7 +239,7 @@ pub(super) fn statement_hint(word: &str, text: &str, around: &str) -> Option<Str
         "parameter" | "parameters" | "const" | "constant" => "parameters are declared with `param`",
         "variable" | "algebraic" => "algebraic variables are declared with `var`",
         "equation" | "equations" => "an equation begins with `eq`",
-        "input" | "control" => "inputs that are manipulated are declared with `action`",
+        "input" => "inputs that are manipulated are declared with `action`",
         "output" => "what is seen is listed with `observe`",
         "function" | "fn" => "a function is declared with `def`",
         "import" | "include" => "a file is imported with `use \"file.eq\"`",

@@ -4,7 +4,7 @@
 use pest::iterators::Pair;
 
 use super::declaration::{arguments, fill};
-use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
+use super::{Children, Context, Fallible, Rule, control, declaration, expression, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Binder, BinderSet, Expr, ExprKind, Observation, Phase, Statement, StatementKind};
 
@@ -22,6 +22,7 @@ pub(super) fn rule(keyword: &str) -> Option<Rule> {
         "episode" | "solver" => Rule::settings,
         "policy" => Rule::policy,
         "at" => Rule::at,
+        "control" => Rule::control,
         "next" | "reset" => Rule::next,
         "clamp" => Rule::clamp,
         "phase" => Rule::phase,
@@ -46,7 +47,8 @@ pub(super) fn lower(context: &Context<'_>, mut children: Children<'_>, body: Vec
         "episode" => Ok(StatementKind::Episode { entries: arguments(context, children)? }),
         "solver" => Ok(StatementKind::Solver { entries: arguments(context, children)? }),
         "policy" => Ok(StatementKind::Policy { name: children.name(context)?, entries: place_entries(context, children)? }),
-        "at" => Ok(StatementKind::At { instant: children.name(context)?, body }),
+        "at" => at(context, children, body),
+        "control" => control::control(context, children),
         "clamp" => clamp(context, children),
         "phase" => phase(context, children, body),
         _ => update(context, children),
@@ -197,6 +199,15 @@ fn clamp(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statemen
     children.skip(Rule::kw_when);
     let condition = expression::expr(context, children.expect(context, Rule::expr)?)?;
     Ok(StatementKind::Clamp { target, value, condition, binders: expression::for_clause(context, &mut children)? })
+}
+
+/// `start`, the name of an event, or `every 3 [s]`
+fn at(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {
+    if let Some(word) = children.take(Rule::kw_every) {
+        let every = expression::expr(context, children.expect(context, Rule::expr)?)?;
+        return Ok(StatementKind::At { instant: context.word(&word), every: Some(every), body });
+    }
+    Ok(StatementKind::At { instant: children.name(context)?, every: None, body })
 }
 
 fn phase(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement>) -> Fallible<StatementKind> {

@@ -7,7 +7,7 @@ use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, declaration, expression, problem, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
-use crate::syntax::{Domain, Expr, Flux, Ident, Local, Parameter, ParameterKind, Role, Statement, StatementKind};
+use crate::syntax::{Domain, Expr, Flux, Ident, Local, Parameter, ParameterKind, PortName, Role, Statement, StatementKind};
 
 /// The rule that reads the rest of a statement behind its keyword.
 pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
@@ -74,9 +74,7 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
         "eq" => equation(context, children),
         "domain" => domain(context, children),
         "flux" => flux(context, children),
-        "connector" => {
-            Ok(StatementKind::Connector { name: children.name(context)?, members: declaration::declarations(context, children)? })
-        }
+        "connector" => connector(context, children),
         "reaction" => super::reaction::reaction(context, children),
         "component" => component(context, children, body),
         "port" => port(context, children),
@@ -253,31 +251,42 @@ fn structural(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<(Iden
     pair.into_inner().map(lower).collect()
 }
 
-fn port(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
-    let mut names = Vec::new();
-    let mut pairs = children.pairs.filter(|part| matches!(part.as_rule(), Rule::name)).peekable();
-    while let Some(part) = pairs.next() {
-        let name = context.ident(&part)?;
-        if pairs.peek().is_none() {
-            return Ok(StatementKind::Port { names, connector: name });
-        }
-        names.push(name);
+/// Members, those after `flow` by name too.
+fn connector(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let name = children.name(context)?;
+    let (mut members, mut flows) = (Vec::new(), Vec::new());
+    for part in children.pairs.filter(|part| part.as_rule() == Rule::connector_member) {
+        let mut member = Children::new(part);
+        let is_flow = member.skip(Rule::kw_flow);
+        let declared = declaration::declaration(context, member.expect(context, Rule::declaration)?)?;
+        flows.extend(is_flow.then(|| declared.name.clone()));
+        members.push(declared);
     }
-    let place = crate::span::span(context.file, context.offset, context.offset);
-    Err(Box::new(Diagnostic::error(codes::SYNTAX, "expected `port name : Connector`", place)))
+    Ok(StatementKind::Connector { name, members, flows })
+}
+
+fn port(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let mut names = Vec::new();
+    while let Some(part) = children.take(Rule::port_name) {
+        let mut inner = Children::new(part);
+        names.push(PortName { name: inner.name(context)?, indices: declaration::indices(context, &mut inner)? });
+    }
+    children.skip(Rule::colon);
+    Ok(StatementKind::Port { names, connector: children.name(context)? })
 }
 
 fn connect(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
     let mut chain = Vec::new();
-    let mut binders = Vec::new();
+    let (mut binders, mut condition) = (Vec::new(), None);
     for part in children.pairs {
         match part.as_rule() {
             Rule::place => chain.push(expression::place(context, part)?),
             Rule::for_clause => binders = expression::binders(context, part)?,
+            Rule::only_if => condition = Some(declaration::only_expr(context, part)?),
             _ => {}
         }
     }
-    Ok(StatementKind::Connect { chain, binders })
+    Ok(StatementKind::Connect { chain, binders, condition })
 }
 
 fn choice(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {

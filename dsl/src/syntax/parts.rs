@@ -4,6 +4,54 @@ use serde::{Deserialize, Serialize};
 
 use super::{Binder, Expr, Ident, UnitExpr};
 
+/// A declared port, or an array of ports.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PortName {
+    /// Name as written.
+    pub name: Ident,
+    /// Indices of an array of ports.
+    pub indices: Vec<Binder>,
+}
+
+/// A controller: its output follows the error at regular instants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Control {
+    /// The discrete variable that it sets, or an element of one.
+    pub output: Expr,
+    /// `from y`: what it measures
+    pub measured: Expr,
+    /// `setpoint r`
+    pub setpoint: Expr,
+    /// `gain K`: change of the output per change of the error
+    pub gain: Expr,
+    /// `reset T`: time of the integral part; none without it
+    pub reset: Option<Expr>,
+    /// `limits a..b` of the output; its bounds where left out
+    pub limits: Option<(Expr, Expr)>,
+    /// `manual 50 when stopped`: a condition under which the output has this value, or is kept
+    pub manual: Option<(Option<Expr>, Expr)>,
+    /// `every 3 [s]`
+    pub every: Expr,
+    /// Indices of a controller for each of many outputs.
+    pub binders: Vec<Binder>,
+    /// Describing text.
+    pub text: Option<String>,
+}
+
+impl Control {
+    /// Its expressions, the output first.
+    pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
+        let limits = self.limits.iter().flat_map(|(low, high)| [low, high]);
+        let manual = self.manual.iter().flat_map(|(value, condition)| value.iter().chain([condition]));
+        [&self.output, &self.measured, &self.setpoint, &self.gain]
+            .into_iter()
+            .chain(&self.reset)
+            .chain(limits)
+            .chain(manual)
+            .chain([&self.every])
+    }
+}
+
 /// A parameter of a function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {

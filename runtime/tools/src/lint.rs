@@ -88,6 +88,7 @@ fn expressions(kind: &StatementKind) -> Vec<&Expr> {
         StatementKind::Def { body, locals, .. } => locals.iter().map(|local| &local.value).chain([body]).collect(),
         StatementKind::Flux(flux) => [Some(&flux.inner), flux.low.as_ref(), flux.high.as_ref()].into_iter().flatten().collect(),
         StatementKind::Next { value, .. } | StatementKind::Reset { value, .. } | StatementKind::Reward { value, .. } => vec![value],
+        StatementKind::Control(control) => control.expressions().collect(),
         StatementKind::Observe { items } => items.iter().map(|item| &item.value).collect(),
         StatementKind::Fail { condition, .. }
         | StatementKind::Success { condition, .. }

@@ -13,6 +13,7 @@ use smpl_dsl::syntax::{Domain, File, Flux, Phase, Statement, StatementKind, Time
 
 use crate::elaborate::budget::is_spent;
 use crate::elaborate::options::Options;
+use crate::elaborate::select::variants::structural_switches;
 
 /// Work that a statement counts for, each time that it is read again.
 const STATEMENT: usize = 30;
@@ -42,7 +43,8 @@ pub(in crate::elaborate) fn faults_in_alternatives(
     faults_with: &mut FaultsWith<'_>,
 ) -> Faults {
     let mut bodies = Vec::new();
-    files.iter().for_each(|file| collect(&file.statements, chosen, &Asked::new(), &mut bodies));
+    let own = structural_switches(files);
+    files.iter().for_each(|file| collect(&file.statements, (chosen, &own), &Asked::new(), &mut bodies));
     let mut declared = HashSet::new();
     bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
     let statements = files.iter().map(|file| count(&file.statements)).sum();
@@ -60,17 +62,27 @@ pub(in crate::elaborate) fn faults_in_alternatives(
 
 /// The bodies that are not in force. Statements of one name and option are one body, as far as what
 /// is asked for is concerned, but each has its place.
-fn collect<'a>(statements: &'a [Statement], chosen: &HashMap<String, String>, outer: &Asked, out: &mut Vec<Body<'a>>) {
+fn collect<'a>(
+    statements: &'a [Statement],
+    (chosen, own): (&HashMap<String, String>, &HashSet<&str>),
+    outer: &Asked,
+    out: &mut Vec<Body<'a>>,
+) {
     for statement in statements {
         let (name, option, body) = match &statement.kind {
             StatementKind::Variant { name, body, .. } => (&name.text, "true", body),
             StatementKind::When { choice, option, body } => (&choice.text, option.text.as_str(), body),
             StatementKind::Component { body, .. } => {
-                collect(body, chosen, outer, out);
+                collect(body, (chosen, own), outer, out);
                 continue;
             }
             _ => continue,
         };
+        // A switch of a component is that of each instance.
+        if own.contains(name.as_str()) && !chosen.contains_key(name) {
+            collect(body, (chosen, own), outer, out);
+            continue;
+        }
         let in_force = chosen.get(name).map_or("false", String::as_str) == option;
         let mut asked = outer.clone();
         if !in_force {
@@ -79,7 +91,7 @@ fn collect<'a>(statements: &'a [Statement], chosen: &HashMap<String, String>, ou
         if !asked.is_empty() {
             out.push(Body { asked: asked.clone(), span: statement.span, statements: body });
         }
-        collect(body, chosen, &asked, out);
+        collect(body, (chosen, own), &asked, out);
     }
 }
 
@@ -117,7 +129,7 @@ fn names<'a>(statement: &'a Statement, out: &mut HashSet<&'a str>) {
         StatementKind::Reaction(reaction) => {
             out.insert(&reaction.declaration.name.text);
         }
-        StatementKind::Port { names, .. } => out.extend(names.iter().map(|name| name.text.as_str())),
+        StatementKind::Port { names, .. } => out.extend(names.iter().map(|port| port.name.text.as_str())),
         StatementKind::Table(table) => out.extend(table.columns.iter().map(|column| column.name.text.as_str())),
         StatementKind::Domain(Domain { name, .. })
         | StatementKind::TimeTable(TimeTable { name, .. })

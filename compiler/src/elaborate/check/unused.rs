@@ -112,7 +112,7 @@ fn check_connectors(l: &mut Lowering<'_, '_>) {
     let mut connectors: Vec<&Statement> = l.instances.connectors.values().copied().collect();
     connectors.sort_by_key(|s| (s.span.file, s.span.start));
     for statement in connectors {
-        let StatementKind::Connector { name, members } = &statement.kind else { continue };
+        let StatementKind::Connector { name, members, .. } = &statement.kind else { continue };
         for member in members {
             for binder in &member.indices {
                 if !is_of_component(l, name, binder) && binders::index_over(l, binder, &place).is_none() {

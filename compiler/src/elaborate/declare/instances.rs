@@ -61,17 +61,17 @@ impl<'a> Declaring<'_, 'a> {
         out
     }
 
-    pub(in crate::elaborate) fn declare_port(&mut self, scope: ScopeId, name: &Ident, connector: &Ident) {
-        let Some(StatementKind::Connector { members, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind) else {
+    /// Declares a port with its members; `None`, and a report, for an unknown connector.
+    pub(in crate::elaborate::declare) fn declare_port(&mut self, scope: ScopeId, path: String, connector: &Ident) -> Option<ScopeId> {
+        let Some(StatementKind::Connector { members, flows, .. }) = self.instances.connectors.get(connector.text.as_str()).map(|s| &s.kind)
+        else {
             let help = self.work.ledger.reports.did_you_mean(&connector.text, self.instances.connectors.keys().copied());
             self.work.ledger.report(
                 Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown connector `{}`", connector.text), connector.span).maybe_help(help),
             );
-            return self.faulty(scope, name);
+            return None;
         };
-        let path = format!("{}{}", self.symbols.scopes[scope].prefix, name.text);
         let port = self.symbols.scopes.push(Scope { prefix: format!("{path}."), parent: Some(scope), names: Default::default() });
-        self.declare(scope, name, SymbolKind::Instance(port));
         for member in members {
             let place = Place::new(scope, Site::Dynamics);
             let Some((axes, _)) = self.axes(&member.indices, &place) else { continue };
@@ -83,12 +83,20 @@ impl<'a> Declaring<'_, 'a> {
             self.new_variable(port, &member.name, Role::Algebraic, axes, unit, member);
         }
         let names = &self.symbols.scopes[port].names;
-        let members = members.iter().filter_map(|member| names.get(&member.name.text).copied()).collect();
-        self.symbols.ports.push(Port { path, connector: connector.text.clone(), members });
+        let known = |name: &str| names.get(name).copied();
+        let members = members.iter().filter_map(|member| known(&member.name.text)).collect();
+        let flows = flows.iter().filter_map(|name| known(&name.text)).collect();
+        self.symbols.ports.push(Port { path, connector: connector.text.clone(), scope: port, members, flows });
+        Some(port)
     }
 
     /// The component that an instance is made of, where one may be made here; reports why not.
-    pub(in crate::elaborate::declare) fn instantiable(&mut self, component: &'a Ident, depth: usize) -> Option<&'a Statement> {
+    pub(in crate::elaborate::declare) fn instantiable(
+        &mut self,
+        scope: ScopeId,
+        component: &'a Ident,
+        depth: usize,
+    ) -> Option<&'a Statement> {
         // Enough was said.
         if self.instances.made > MAX_INSTANTIATED {
             return None;
@@ -103,7 +111,8 @@ impl<'a> Declaring<'_, 'a> {
             self.work.ledger.report(Diagnostic::error(codes::TOO_LARGE, message, component.span));
             return None;
         }
-        let Some(statement) = self.instances.components.get(component.text.as_str()).copied() else {
+        let argument = self.instances.types.get(&(scope, component.text.as_str())).copied();
+        let Some(statement) = argument.or_else(|| self.instances.components.get(component.text.as_str()).copied()) else {
             let help = self.work.ledger.reports.did_you_mean(&component.text, self.instances.components.keys().copied());
             let message = format!("unknown component `{}`", component.text);
             self.work.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, message, component.span).maybe_help(help));
@@ -164,16 +173,15 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    /// A structural parameter: a whole number or a set; a setting `R1.n_cells` or `n_cells`
+    /// A structural parameter: a whole number, a switch, a set or a component; a setting `R1.n_cells` or `n_cells`
     /// overrides it.
     pub(in crate::elaborate::declare) fn structural(
         &mut self,
         scope: ScopeId,
         (path, used): (&str, Span),
         name: &'a Ident,
-        given: Option<&Expr>,
-        default: Option<&Expr>,
-        outer: &Place,
+        (given, default): (Option<&'a Expr>, Option<&'a Expr>),
+        (outer, depth): (&Place, usize),
     ) {
         for key in [format!("{path}.{}", name.text), name.text.clone()] {
             if let Some(Setting::Number(x)) = self.input.options.settings.get(&key) {
@@ -193,11 +201,18 @@ impl<'a> Declaring<'_, 'a> {
             );
             return self.faulty(scope, name);
         };
+        if let ExprKind::Bool(holds) = e.kind {
+            self.declare(scope, name, SymbolKind::Truth(holds));
+            return;
+        }
+        if let Some(component) = self.component_named(e, outer).or_else(|| self.misnamed(e, default, outer)) {
+            return self.component_argument(scope, path, (name, component), (e, default), depth);
+        }
         if let ExprKind::Name(n) = &e.kind
             && let Some(symbol) = self.symbols.lookup(outer.scope, &n.text)
-            && let SymbolKind::Set(set) = self.symbols[symbol].kind
+            && let kind @ (SymbolKind::Set(_) | SymbolKind::Truth(_)) = self.symbols[symbol].kind.clone()
         {
-            self.declare(scope, name, SymbolKind::Set(set));
+            self.declare(scope, name, kind);
             return;
         }
         let kind = structural::integer(&mut self.lowering(), e, outer).map_or(SymbolKind::Faulty, SymbolKind::Integer);

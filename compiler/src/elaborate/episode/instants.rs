@@ -2,15 +2,16 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{BinaryOp, Binder, Expr, ExprKind, Statement, StatementKind};
 
 use crate::elaborate::episode::common::{each, store};
 use crate::elaborate::episode::together::{Assignment, Draft, Kind};
 use crate::elaborate::episode::unknown::doubting;
+use crate::elaborate::episode::{controllers, regular};
 use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, nests};
-use crate::elaborate::select::items::Item;
+use crate::elaborate::select::items::{Item, Moment};
 use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, Builtin, Expr as Node, ExprId, FastMap, Flavour, Place as Memory, Program, Rewritten, Role, VarId};
 use crate::model::{Root, RootAction};
@@ -41,8 +42,10 @@ impl Instants {
 /// Assignments as they are put together.
 #[derive(Default)]
 pub(in crate::elaborate) struct Assignments {
-    /// They happen only where this holds: in the transition of a phase.
+    /// They happen only where this holds: in the transition of a phase, at a regular instant.
     pub guard: Option<ExprId>,
+    /// Guards exclude one another: several may assign one variable.
+    pub exclusive: bool,
     /// Elements that have a `next`, by scope and instant.
     assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
 }
@@ -51,14 +54,19 @@ pub(in crate::elaborate) struct Assignments {
 struct Drafts<'a> {
     start: Draft,
     end: Draft,
+    /// Controllers at regular instants.
+    controllers: Draft,
+    /// Blocks at regular instants, after them.
+    regular: Draft,
     /// By scope and name, in the order in which they are first mentioned.
     events: Vec<(ScopeId, &'a str, Draft)>,
 }
 
 impl<'a> Drafts<'a> {
     /// The program of an instant.
-    fn of(&mut self, scope: ScopeId, instant: &'a str) -> &mut Draft {
-        match instant {
+    fn of(&mut self, scope: ScopeId, moment: Moment<'a>) -> &mut Draft {
+        match moment.name.text.as_str() {
+            _ if moment.every.is_some() => &mut self.regular,
             "start" => &mut self.start,
             "end" => &mut self.end,
             name => {
@@ -73,21 +81,42 @@ impl<'a> Drafts<'a> {
     }
 }
 
-/// The programs of `at start`, `at end` and of events.
-pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Instants {
+/// The programs of `at start`, `at end`, of regular instants and of events; `interval` is the
+/// integrated length of a step.
+pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], interval: f64) -> Instants {
     let mut out = Instants::default();
     let mut assignments = Assignments::default();
-    let mut drafts = Drafts { start: Draft::of_start(), end: Draft::default(), events: Vec::new() };
+    let [start, controllers, regular] = [(); 3].map(|()| Draft::of_start());
+    let mut drafts = Drafts { start, end: Draft::default(), controllers, regular, events: Vec::new() };
     // Parts before the whole: what a component updates at the end of a step is seen by the `at end`
     // of what it is used in.
     let mut inner_first: Vec<&(ScopeId, Vec<Item<'a>>)> = blocks.iter().collect();
     inner_first.sort_by_key(|(scope, _)| std::cmp::Reverse(l.symbols.scopes[*scope].prefix.matches('.').count()));
     for (scope, item) in inner_first.into_iter().flat_map(|(scope, items)| items.iter().map(move |i| (*scope, *i))) {
-        let Item::At(Ident { text: instant, span: block }, statement) = item else { continue };
-        out.start_resets |= instant == "start" && matches!(statement.kind, StatementKind::Reset { .. });
-        instant_statement(l, scope, statement, (drafts.of(scope, instant), *block), &mut assignments, instant);
+        match item {
+            Item::At(moment, statement) => {
+                let (instant, block) = (moment.name.text.as_str(), moment.name.span);
+                assignments.guard = match moment.every {
+                    Some(every) => match regular::due(l, every, &Place::new(scope, Site::Instant)) {
+                        None => continue,
+                        due => due,
+                    },
+                    None => None,
+                };
+                let at_start = instant == "start" || moment.every.is_some();
+                out.start_resets |= at_start && matches!(statement.kind, StatementKind::Reset { .. } | StatementKind::Clamp { .. });
+                instant_statement(l, scope, statement, (drafts.of(scope, moment), block), &mut assignments, instant);
+            }
+            Item::Other(Statement { kind: StatementKind::Control(control), span }) => {
+                controllers::controller(l, (scope, *span), control, &mut drafts.controllers, &mut assignments);
+            }
+            _ => {}
+        }
     }
     (out.start, out.end) = (drafts.start.program(l), drafts.end.program(l));
+    let mut regular = drafts.controllers.program(l);
+    regular.nests.extend(drafts.regular.program(l).nests);
+    regular::regular_programs(l, regular, interval, &mut out);
     let events: Vec<_> = drafts.events.into_iter().map(|(scope, name, draft)| (scope, name, draft.program(l))).collect();
     watched_events(l, blocks, &events, &mut out);
     out
@@ -148,7 +177,7 @@ pub(in crate::elaborate) fn instant_statement(
         let Some((var, at, v, whole)) = piece.value else { continue };
         let mut extents = piece.extents;
         extents.extend(whole);
-        if kind == Kind::Next && assignments.guard.is_none() {
+        if kind == Kind::Next && !assignments.exclusive {
             check_next(l, assignments, (scope, instant), var, (&extents, at), statement.span);
         }
         draft.push(l, block, kind, Assignment { extents, store: store(Memory::Var(var), at, v) });
@@ -156,7 +185,7 @@ pub(in crate::elaborate) fn instant_statement(
 }
 
 /// Two `next`s of one element at one instant are a fault, one for a statement.
-fn check_next(
+pub(in crate::elaborate::episode) fn check_next(
     l: &mut Lowering<'_, '_>,
     assignments: &mut Assignments,
     (scope, instant): (ScopeId, &str),
@@ -177,6 +206,7 @@ fn check_next(
             "end" => {
                 "a discrete variable has one `next` in all `at end` blocks of a model or component: write one expression, or let another variable hold what is in between"
             }
+            "every" => "regular instants with different intervals meet, and assign together: let one of them set another variable",
             _ => "all `next` of an instant assign together, so there can be one only",
         };
         l.ledger.report(
@@ -269,7 +299,7 @@ fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], n
         .iter()
         .flat_map(|(_, items)| items)
         .find_map(|i| match i {
-            Item::At(n, _) if n.text == name => Some(n.span),
+            Item::At(moment, _) if moment.every.is_none() && moment.name.text == name => Some(moment.name.span),
             _ => None,
         })
         .unwrap_or_default();

@@ -143,14 +143,14 @@ pub(in crate::elaborate) fn measured(l: &mut Lowering<'_, '_>) -> Vec<String> {
 
 /// The ports; what their members are equal to is known once the equations are solved.
 pub(in crate::elaborate) fn ports(l: &Lowering<'_, '_>) -> Vec<Port> {
-    let member = |&symbol: &SymbolId| {
+    let member = |symbol: SymbolId, flow: bool| {
         let SymbolKind::Variable { declaration, .. } = &l.symbols[symbol].kind else { return None };
-        Some(PortMember { name: declaration.name.text.clone(), output: l.symbols[symbol].path.clone(), equals: None })
+        Some(PortMember { name: declaration.name.text.clone(), output: l.symbols[symbol].path.clone(), equals: None, flow })
     };
     let port = |port: &symbols::Port| Port {
         name: port.path.clone(),
         connector: port.connector.clone(),
-        members: port.members.iter().filter_map(member).collect(),
+        members: port.members.iter().filter_map(|&symbol| member(symbol, port.flows.contains(&symbol))).collect(),
     };
     l.symbols.ports.iter().map(port).collect()
 }

@@ -179,6 +179,7 @@ fn transition<'a>(l: &mut Lowering<'_, 'a>, schedule: &Schedule<'a>, place: &Pla
     let (current, since) = (l.values().discrete(schedule.current), l.values().discrete(schedule.since));
     let leaving = l.values().discrete(schedule.leaving);
     let mut assignments = Assignments::default();
+    assignments.exclusive = true;
     let (mut next, mut left) = (current, l.exprs.truth(false));
     for (i, phase) in schedule.phases.iter().enumerate() {
         let number = l.exprs.constant(i as f64 + 1.0);

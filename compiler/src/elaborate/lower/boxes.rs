@@ -175,6 +175,7 @@ fn refuse_target(l: &mut Lowering<'_, '_>, symbol: SymbolId, var: VarId, span: S
     let help = match (l.symbols.vars[var].role, roles) {
         (Role::State, [Role::Discrete]) => Some(format!("a state is set by `reset {path} = ...`; `next` sets discrete variables")),
         (Role::Discrete, [Role::State]) => Some(format!("a discrete variable is set by `next {path} = ...`; `reset` sets states")),
+        (Role::Action, [Role::Discrete]) => Some(format!("actions come from outside; declare `discrete {path}` for what the model sets")),
         (Role::Algebraic, _) => Some(format!("its equation determines it; `var {path} = value` gives the initial guess")),
         _ => None,
     };

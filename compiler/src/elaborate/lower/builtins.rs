@@ -178,6 +178,13 @@ pub const BUILTINS: &[Builtin] = &[
     call("initial", "initial(e)", 1, Call::Frame(Flavour::Initial), FRAME),
     call("previous", "previous(e)", 1, Call::Frame(Flavour::Previous), FRAME),
     call("steady", "steady(e)", 1, Call::Frame(Flavour::Steady), FRAME),
+    call(
+        "sampled",
+        "sampled(e)",
+        1,
+        Call::Frame(Flavour::Previous),
+        "value of `e` at the start of the step, before `at start`, held over the step; the same as `previous(e)`, for equations with sampled measurements",
+    ),
     also(
         call(
             "integral",

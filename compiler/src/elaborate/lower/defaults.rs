@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Expr};
+use smpl_dsl::syntax::{Binder, Expr, ExprKind};
 
 use crate::elaborate::instances::SAMPLE;
 use crate::elaborate::lower::loops::Piece;
@@ -64,6 +64,16 @@ fn declared_pieces(l: &mut Lowering<'_, '_>, symbol: SymbolId, site: Site) -> Ve
         },
     };
     let what = format!("`{path}`");
+    if !axes.is_empty()
+        && let Some(indexed) = whole_array(l, e, &declaration.indices, &place)
+    {
+        return nests::nest(l, &declaration.indices, &Place::new(scope, site), &mut |s, inner| {
+            let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
+            let bound = declaration.indices.iter().filter_map(|b| Some((b.name.text.as_str(), inner.bound(&b.name.text)?.clone())));
+            let there = bound.fold(place.clone(), |there, (name, to)| there.bind(name, to));
+            (at, s.number_in(&indexed, &unit, &what, span, &Place { depth: inner.depth, ..there }))
+        });
+    }
     if axes.is_empty() || !mentions(e, &declaration.indices) {
         let value = l.number_in(e, &unit, &what, span, &place);
         return vec![l.symbols.whole(var, value)];
@@ -74,6 +84,19 @@ fn declared_pieces(l: &mut Lowering<'_, '_>, symbol: SymbolId, site: Site) -> Ve
         let at = s.symbols.bound_address(&axes, &declaration.indices, inner);
         (at, s.number_in(e, &unit, &what, span, inner))
     })
+}
+
+/// The element of an array that an expression names as a whole: `n_0` for `n_0[species]`.
+fn whole_array(l: &Lowering<'_, '_>, e: &Expr, indices: &[Binder], place: &Place) -> Option<Expr> {
+    let ExprKind::Name(name) = &e.kind else { return None };
+    let symbol = place.bound(&name.text).is_none().then(|| l.symbols.lookup(place.scope, &name.text)).flatten()?;
+    let axes = match &l.symbols[symbol].kind {
+        SymbolKind::Variable { axes, .. } | SymbolKind::Table { axes, .. } | SymbolKind::Let { axes, .. } => axes,
+        _ => return None,
+    };
+    let index = |b: &Binder| Expr { span: e.span, kind: ExprKind::Name(b.name.clone()) };
+    let list = indices.iter().map(index).collect();
+    (axes.len() == indices.len()).then(|| Expr { span: e.span, kind: ExprKind::Index(Box::new(e.clone()), list) })
 }
 
 fn missing_default(l: &mut Lowering<'_, '_>, path: &str, role: Role, span: Span, scope: ScopeId) {

@@ -201,6 +201,7 @@ impl<'a> Lowering<'_, 'a> {
                 let expr = self.exprs.constant(n as f64);
                 Value { expr, unit: if n == 0 { Measure::Zero } else { Measure::Bare } }
             }
+            SymbolKind::Truth(holds) => Value::truth(self.exprs.truth(holds)),
             SymbolKind::Time => {
                 let expr = self.exprs.time();
                 Value::of(expr, self.symbols.time_unit.clone())

@@ -86,8 +86,9 @@ pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: 
     };
     match l.symbols[symbol].kind.clone() {
         SymbolKind::Instance(scope) if index.is_empty() => Some(scope),
-        SymbolKind::Instances(row) if index.len() == 1 => {
-            let label = instance_label(l, &index[0], place)?;
+        SymbolKind::Instances(row) if index.len() == row.indices => {
+            let labels: Option<Vec<String>> = index.iter().map(|e| instance_label(l, e, place)).collect();
+            let label = labels?.join(",");
             let found = row.find(&label);
             if found.is_none() {
                 let known = crate::elaborate::symbols::listed(row.list.iter().map(|(l, _)| l.as_str()));
@@ -102,8 +103,9 @@ pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: 
         SymbolKind::Instances(row) => {
             let path = l.symbols[symbol].path.clone();
             let first = row.list.first().map_or("1", |(l, _)| l.as_str());
+            let count = if row.indices == 1 { "one index".to_owned() } else { format!("{} indices", row.indices) };
             l.ledger.report(
-                Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes one index"), e.span)
+                Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes {count}"), e.span)
                     .help(format!("write `{path}[{first}]`")),
             );
             None

@@ -19,9 +19,18 @@ pub(crate) enum Item<'a> {
     /// One observation.
     Observe(&'a Observation),
     /// One statement of an `at` block.
-    At(&'a Ident, &'a Statement),
+    At(Moment<'a>, &'a Statement),
     /// Any other statement.
     Other(&'a Statement),
+}
+
+/// Instants of an `at` block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment<'a> {
+    /// `start`, `end`, the name of an event, or `every`.
+    pub name: &'a Ident,
+    /// The interval of `every 3 [s]`.
+    pub every: Option<&'a Expr>,
 }
 
 /// Active variants and chosen options.
@@ -128,7 +137,10 @@ fn push<'a>(statement: &'a Statement, out: &mut Vec<Item<'a>>) {
             out.extend(declarations.iter().map(|d| Item::Declare(*role, d)));
         }
         StatementKind::Observe { items } => out.extend(items.iter().map(Item::Observe)),
-        StatementKind::At { instant, body } => out.extend(body.iter().map(|s| Item::At(instant, s))),
+        StatementKind::At { instant, every, body } => {
+            let moment = Moment { name: instant, every: every.as_ref() };
+            out.extend(body.iter().map(|s| Item::At(moment, s)));
+        }
         _ => out.push(Item::Other(statement)),
     }
 }
@@ -273,7 +285,7 @@ fn key<'a>(item: &Item<'a>) -> Option<Key<'a>> {
             StatementKind::Next { target, binders, .. }
             | StatementKind::Reset { target, binders, .. }
             | StatementKind::Clamp { target, binders, .. } => {
-                Key::Set(&instant.text, discriminant(&s.kind), Form::bound(binders, [target]))
+                Key::Set(&instant.name.text, discriminant(&s.kind), Form::bound(binders, [target].into_iter().chain(instant.every)))
             }
             _ => return None,
         },
@@ -286,7 +298,10 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         StatementKind::Equation { lhs: target, binders, .. }
         | StatementKind::StartEquation { lhs: target, binders, .. }
         | StatementKind::Initial { target, binders, .. } => Key::Determined(discriminant(kind), Form::bound(binders, [target])),
-        StatementKind::Connect { chain, binders } => Key::Determined(discriminant(kind), Form::bound(binders, chain)),
+        StatementKind::Control(control) => Key::Determined(discriminant(kind), Form::bound(&control.binders, [&control.output])),
+        StatementKind::Connect { chain, binders, condition } => {
+            Key::Determined(discriminant(kind), Form::bound(binders, chain.iter().chain(condition)))
+        }
         StatementKind::Fail { name, .. }
         | StatementKind::Success { name, .. }
         | StatementKind::Constraint { name, .. }

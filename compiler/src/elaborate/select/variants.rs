@@ -1,7 +1,9 @@
 //! Active variants and chosen options.
 
+use std::collections::HashSet;
+
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
-use smpl_dsl::syntax::{File, Ident, Statement, StatementKind};
+use smpl_dsl::syntax::{Expr, ExprKind, File, Ident, Statement, StatementKind};
 
 use crate::elaborate::options::{Options, Setting};
 use crate::elaborate::reports::scenario_fault;
@@ -67,7 +69,8 @@ impl<'a> Choices<'a> {
     /// here); unknown names are faults.
     pub(in crate::elaborate) fn select(&self, files: &[File], options: &Options) -> (Chosen, Alternatives) {
         let mut faults = Faults::default();
-        files.iter().for_each(|file| self.check_whens(&file.statements, &mut faults));
+        let switches = structural_switches(files);
+        files.iter().for_each(|file| self.check_whens(&file.statements, (&switches, false), &mut faults));
         self.check_bases(&mut faults);
         let mut chosen = self.choose(options);
         self.turn_on_bases(&mut chosen.selection);
@@ -171,15 +174,19 @@ impl<'a> Choices<'a> {
         self.switches.iter().map(|(name, _)| *name).chain(self.choices.iter().map(|(name, _)| *name))
     }
 
-    /// The `when` blocks that no choice can fulfil.
-    fn check_whens(&self, statements: &[Statement], faults: &mut Faults) {
+    /// The `when` blocks that no choice, and inside of a component no switch of it, can fulfil.
+    fn check_whens(&self, statements: &[Statement], (switches, inside): (&HashSet<&str>, bool), faults: &mut Faults) {
         for statement in statements {
             match &statement.kind {
                 StatementKind::When { choice, option, body } => {
-                    self.check_when(choice, option, faults);
-                    self.check_whens(body, faults);
+                    let own = inside && switches.contains(choice.text.as_str()) && matches!(option.text.as_str(), "true" | "false");
+                    if !own {
+                        self.check_when(choice, option, faults);
+                    }
+                    self.check_whens(body, (switches, inside), faults);
                 }
-                StatementKind::Variant { body, .. } | StatementKind::Component { body, .. } => self.check_whens(body, faults),
+                StatementKind::Variant { body, .. } => self.check_whens(body, (switches, inside), faults),
+                StatementKind::Component { body, .. } => self.check_whens(body, (switches, true), faults),
                 _ => {}
             }
         }
@@ -201,6 +208,16 @@ impl<'a> Choices<'a> {
             }),
         }
     }
+}
+
+/// Names of the structural parameters of components that are switches.
+pub(in crate::elaborate) fn structural_switches(files: &[File]) -> HashSet<&str> {
+    let parameters = files.iter().flat_map(|file| &file.statements).filter_map(|statement| match &statement.kind {
+        StatementKind::Component { parameters, .. } => Some(parameters),
+        _ => None,
+    });
+    let is_switch = |value: &Option<Expr>| matches!(value, Some(Expr { kind: ExprKind::Bool(_), .. }));
+    parameters.flatten().filter(|(_, value)| is_switch(value)).map(|(name, _)| name.text.as_str()).collect()
 }
 
 /// A setting as the name of an option.

@@ -80,31 +80,33 @@ impl<'a> Symbols<'a> {
             out.extend(members);
             return;
         };
+        self.packages.get(&scope).into_iter().flatten().for_each(|package| self.walk(*package, blocks, out));
         let own = |name: &str| self.scopes[scope].names.get(name).copied();
         for item in *items {
             match item {
                 Item::Declare(_, d) => out.extend(own(&d.name.text)),
                 Item::Other(statement) => match &statement.kind {
-                    StatementKind::Instance { name, .. } => match own(&name.text).map(|s| &self[s].kind) {
-                        Some(SymbolKind::Instance(inner)) => self.walk(*inner, blocks, out),
-                        Some(SymbolKind::Instances(row)) => {
-                            for (_, inner) in &row.list {
-                                self.walk(*inner, blocks, out);
-                            }
-                        }
-                        _ => {}
-                    },
+                    StatementKind::Instance { name, .. } => {
+                        let scopes = own(&name.text).into_iter().flat_map(|symbol| self.scopes_of(symbol));
+                        scopes.for_each(|inner| self.walk(inner, blocks, out));
+                    }
                     StatementKind::Port { names, .. } => {
-                        for name in names {
-                            if let Some(SymbolKind::Instance(port)) = own(&name.text).map(|s| &self[s].kind) {
-                                self.walk(*port, blocks, out);
-                            }
-                        }
+                        let scopes = names.iter().filter_map(|port| own(&port.name.text)).flat_map(|symbol| self.scopes_of(symbol));
+                        scopes.for_each(|port| self.walk(port, blocks, out));
                     }
                     _ => {}
                 },
                 _ => {}
             }
+        }
+    }
+
+    /// Scopes of instances, or of ports, with one name.
+    fn scopes_of(&self, symbol: SymbolId) -> Vec<ScopeId> {
+        match &self[symbol].kind {
+            SymbolKind::Instance(scope) => vec![*scope],
+            SymbolKind::Instances(row) => row.list.iter().map(|(_, scope)| *scope).collect(),
+            _ => Vec::new(),
         }
     }
 

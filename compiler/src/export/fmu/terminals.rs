@@ -9,7 +9,7 @@ use crate::model::PortMember;
 
 /// The terminals; `None` where no component has ports.
 ///
-/// Connected ports of a model are equal member by member, so that all members are signals. An
+/// Members of connected ports are equal, or flows that sum to zero. An
 /// importer connects inputs and outputs: a member is the input that it is equal to, or else the
 /// output that shows it.
 pub(super) fn describe(parts: &Parts<'_>) -> Option<String> {
@@ -23,8 +23,9 @@ pub(super) fn describe(parts: &Parts<'_>) -> Option<String> {
         let _ = writeln!(xml, "    <Terminal name=\"{name}\" matchingRule=\"plug\" terminalKind=\"_smpl_{kind}\">");
         for member in &port.members {
             let Some(variable) = variable(&parts.variables.list, member) else { continue };
+            let kind = if member.flow { "inflow" } else { "signal" };
             let (of, name) = (escaped(&variable.name), escaped(&member.name));
-            let _ = writeln!(xml, "      <TerminalMemberVariable variableName=\"{of}\" memberName=\"{name}\" variableKind=\"signal\"/>");
+            let _ = writeln!(xml, "      <TerminalMemberVariable variableName=\"{of}\" memberName=\"{name}\" variableKind=\"{kind}\"/>");
         }
         xml += "    </Terminal>\n";
     }

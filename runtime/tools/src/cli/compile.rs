@@ -202,7 +202,7 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         .map(|port| {
             json!({
                 "name": port.name, "connector": port.connector,
-                "members": port.members.iter().map(|m| json!({"name": m.name, "output": m.output, "equals": m.equals})).collect::<Vec<_>>(),
+                "members": port.members.iter().map(|m| json!({"name": m.name, "output": m.output, "equals": m.equals, "flow": m.flow})).collect::<Vec<_>>(),
             })
         })
         .collect();

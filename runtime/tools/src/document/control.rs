@@ -2,7 +2,7 @@
 
 use smpl_dsl::latex;
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Clip, Expr, Ident, Observation, Phase, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, Clip, Control, Expr, Ident, Observation, Phase, Statement, StatementKind};
 
 use super::markdown::{self, code, display, math, prose};
 use super::statements::Writer;
@@ -10,6 +10,7 @@ use smpl_runtime::failure::Short;
 
 const OBSERVED: &[&str] = &["observed", "unit", "is", "range", "noise", "sampled", "reported", "meaning"];
 const PHASES: &[&str] = &["phase", "lasts", "then", "at its end"];
+const CONTROLLERS: &[&str] = &["controller sets", "from", "set-point", "gain", "reset time", "limits", "manual", "every", "meaning"];
 const SETTINGS: &[&str] = &["setting", "value"];
 
 impl<'s> Writer<'s> {
@@ -68,7 +69,8 @@ impl<'s> Writer<'s> {
                 let words = if words.is_empty() { latex::expression(target) } else { code(words) };
                 self.block(&format!("Without {words}."));
             }
-            StatementKind::At { instant, body } => self.at(instant, body),
+            StatementKind::At { instant, every, body } => self.at(instant, every.as_ref(), body),
+            StatementKind::Control(control) => self.controller(control),
             StatementKind::Next { .. } | StatementKind::Reset { .. } | StatementKind::Clamp { .. } => {
                 if let Some(line) = change(statement) {
                     self.block(&display(&line));
@@ -132,16 +134,32 @@ impl<'s> Writer<'s> {
         self.row(OBSERVED, row);
     }
 
-    fn at(&mut self, instant: &Ident, body: &[Statement]) {
-        let when = match instant.text.as_str() {
-            "start" => "At the start of a step:".to_owned(),
-            "end" => "At the end of a step:".to_owned(),
-            event => format!("At the event {}:", code(event)),
+    fn at(&mut self, instant: &Ident, every: Option<&Expr>, body: &[Statement]) {
+        let when = match (instant.text.as_str(), every) {
+            (_, Some(every)) => format!("Every {}:", self.inline(every)),
+            ("start", _) => "At the start of a step:".to_owned(),
+            ("end", _) => "At the end of a step:".to_owned(),
+            (event, _) => format!("At the event {}:", code(event)),
         };
         self.block(&when);
         for line in body.iter().filter_map(change) {
             self.block(&display(&line));
         }
+    }
+
+    /// A controller as a row of their table.
+    fn controller(&mut self, control: &Control) {
+        let shown = |e: &Expr| self.inline(e);
+        let sets = math(&over(latex::expression(&control.output), &control.binders));
+        let limits = control.limits.as_ref().map(|(low, high)| self.range(low, high)).unwrap_or_default();
+        let manual = control.manual.as_ref().map(|(value, condition)| {
+            let value = value.as_ref().map(|value| format!("{} ", shown(value))).unwrap_or_default();
+            format!("{value}if {}", shown(condition))
+        });
+        let reset = control.reset.as_ref().map(shown).unwrap_or_default();
+        let cells = [&control.measured, &control.setpoint, &control.gain].map(shown);
+        let rest = [reset, limits, manual.unwrap_or_default(), shown(&control.every), prose(control.text.as_deref().unwrap_or(""))];
+        self.row(CONTROLLERS, [sets].into_iter().chain(cells).chain(rest).collect());
     }
 
     fn phase(&mut self, phase: &Phase) {

@@ -121,23 +121,28 @@ impl<'s> Writer<'s> {
             StatementKind::Table(table) => self.table(table),
             StatementKind::TimeTable(table) => self.time_table(table),
             StatementKind::Domain(domain) => self.domain(domain),
-            StatementKind::Connector { name, members } => {
+            StatementKind::Connector { name, members, flows } => {
                 self.block(&format!("Connector {}, what flows through a port:", code(&name.text)));
+                if !flows.is_empty() {
+                    let list: Vec<String> = flows.iter().map(|name| code(&name.text)).collect();
+                    self.block(&format!("Positive into the component, with the sum zero at a node: {}.", list.join(", ")));
+                }
                 for d in members {
                     let row = MEMBERS.iter().map(|column| self.cell(column, d)).collect();
                     self.row(MEMBERS, row);
                 }
             }
             StatementKind::Port { names, connector } => {
-                let names: Vec<String> = names.iter().map(|n| code(&n.text)).collect();
+                let names: Vec<String> = names.iter().map(|port| code(&declared(&port.name, &port.indices))).collect();
                 self.block(&format!("Ports {}: {}.", names.join(", "), code(&connector.text)));
             }
             StatementKind::Instance { component, name, indices, arguments } => self.instance(component, name, indices, arguments),
-            StatementKind::Connect { chain, binders } => {
+            StatementKind::Connect { chain, binders, condition } => {
                 let ends: Vec<String> = chain.iter().map(|end| code(self.source.texts.text(end.span))).collect();
                 let over = latex::binders(binders);
                 let over = if over.is_empty() { over } else { format!(", {}", math(&over)) };
-                self.row(CONNECTIONS, vec![format!("{}{over}", ends.join(" → "))]);
+                let only = condition.as_ref().map(|c| format!(" if {}", self.inline(c))).unwrap_or_default();
+                self.row(CONNECTIONS, vec![format!("{}{over}{only}", ends.join(" → "))]);
             }
             StatementKind::Choice { name, options, text } => {
                 let options: Vec<String> = options.iter().map(|o| code(&o.text)).collect();

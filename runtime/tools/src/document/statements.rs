@@ -350,7 +350,9 @@ fn chapter(kind: &StatementKind) -> &'static str {
         | StatementKind::StartEquation { .. }
         | StatementKind::StartSteady { .. }
         | StatementKind::Steady { .. } => "Start and steady state",
-        StatementKind::At { .. } | StatementKind::Event { .. } | StatementKind::Phase(_) => "Instants, events and phases",
+        StatementKind::At { .. } | StatementKind::Control(_) | StatementKind::Event { .. } | StatementKind::Phase(_) => {
+            "Instants, events and phases"
+        }
         StatementKind::Observe { .. } | StatementKind::Level { .. } => "Observations",
         StatementKind::Reward { .. } => "Rewards",
         StatementKind::Fail { .. } | StatementKind::Success { .. } | StatementKind::Constraint { .. } => "Ends and constraints",

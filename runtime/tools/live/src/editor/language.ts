@@ -5,7 +5,7 @@ import { tags } from "@lezer/highlight";
 
 const STATEMENTS = new Set(
   ("model use time set table def param action state var let discrete disturbance random eq domain flux connector component port connect initial steady observe level reward fail " +
-    "success constraint invariant episode solver policy at next reset clamp event phase variant choice when test unit").split(" "),
+    "success constraint invariant episode solver policy at next reset clamp control event phase variant choice when test unit").split(" "),
 );
 const DECLARING = new Set("time param action state var let discrete disturbance random table flux connector port set reward observe level".split(" "));
 const WORDS = new Set(
