@@ -10,7 +10,7 @@ use crate::elaborate::lower::value::Measure;
 use crate::elaborate::lower::{Lowering, nests, units};
 use crate::elaborate::select::items::Item;
 use crate::elaborate::space::flux;
-use crate::elaborate::symbols::ScopeId;
+use crate::elaborate::symbols::{ScopeId, SymbolKind};
 use crate::ir::{Affine, Expr as Node, ExprId, Flavour, Role, VarId};
 
 /// An equation over a nest of loops.
