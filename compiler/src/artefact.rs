@@ -1,10 +1,9 @@
 //! Compiled models as bytes, to be loaded again by the same user on the same kind of machine.
 //!
 //! An artefact holds machine code. It is therefore sealed with a secret of the user ([`Key`],
-//! BLAKE3 in keyed mode): what another user, a download or a fault of the disk has made is refused
-//! before anything of it is decoded or mapped. The header names the format, the compiler, the
-//! processor's features and a [`fingerprint`] of source texts and options, so that a cache knows
-//! what it holds.
+//! BLAKE3 in keyed mode). Files of other users, downloads and damaged files are refused before
+//! anything of them is decoded. The header names the format, the compiler, the processor's features
+//! and a [`fingerprint`] of source texts and options, so that a cache knows what it holds.
 
 use std::io;
 use std::path::PathBuf;
@@ -131,7 +130,7 @@ pub fn write(
 /// The header of an artefact whose seal is right.
 ///
 /// # Errors
-/// If it is no artefact, or the seal is not this key's.
+/// If it is not an artefact, or the seal is not this key's.
 pub fn header(bytes: &[u8], key: &Key) -> Result<Header, ArtefactError> {
     Ok(open(bytes, key)?.0)
 }
@@ -174,8 +173,8 @@ fn open<'b>(bytes: &'b [u8], key: &Key) -> Result<(Header, &'b [u8]), ArtefactEr
 }
 
 impl CompiledModel {
-    /// Hash of the flat equations, of all that lies in memory by them, and of the compiler's
-    /// version: the same for compilations of the same text with the same options, on any processor.
+    /// Hash of the flat equations, of their data in memory, and of the compiler's version. It is
+    /// the same for compilations of a text with the same options, on any processor.
     ///
     /// # Errors
     /// If the model cannot be encoded.

@@ -62,7 +62,7 @@ pub fn compile(
     Ok(Compiled { model, warnings, imports })
 }
 
-/// Compiles a file of `sources` to a flat model, with the warnings, on a stack of its own: a
+/// Compiles a file of `sources` to a flat model, with the warnings, on a new stack, since a
 /// caller's thread may have a small one.
 ///
 /// # Errors
@@ -92,8 +92,8 @@ impl CompiledModel {
 fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options: &Options) -> Result<(Model, Faults), Faults> {
     let data: Vec<String> = options.files().map(str::to_owned).collect();
     let texts = read(sources, main, options.extra, &data, loader);
-    // Of so many faults not all are known, so that what follows from them could not be told from
-    // what does not.
+    // With so many faults not all are known, so that consequences cannot be distinguished from
+    // causes.
     if texts.faults.more() > 0 {
         return Err(texts.faults);
     }

@@ -46,11 +46,11 @@ pub struct CompiledModel {
 }
 
 // SAFETY: the pointers in `functions`, `pieces` and `surroundings` go to the mapping and to the
-// heap memory that `executable` and `parts` own; nothing changes either while this value lives, and
-// no thread has a claim on them.
+// heap memory that `executable` and `parts` own. Neither changes while this value lives, and no
+// thread has a claim on them.
 unsafe impl Send for CompiledModel {}
-// SAFETY: through a shared reference that memory is only read; compiled functions write to the
-// workspace, `y` and output that their callers have exclusively, and what is made late stands in
+// SAFETY: through a shared reference that memory is only read. Compiled functions write to the
+// workspace, `y` and output that their callers have exclusively, and late values are in
 // `OnceLock`s.
 unsafe impl Sync for CompiledModel {}
 
@@ -67,7 +67,7 @@ impl CompiledModel {
             let count = parts.codes.get(f as usize).map_or(0, Vec::len);
             let addresses = (first..first + count).filter_map(|piece| executable.address(piece));
             // SAFETY: at the address begins code that was generated with this signature; it is
-            // mapped as long as `executable` lives beside it.
+            // mapped as long as `executable` lives.
             addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect()
         });
         let functions = Function::ALL.map(|f| match *pieces[f as usize] {

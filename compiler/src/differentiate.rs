@@ -1,12 +1,12 @@
 //! Derivatives of expressions with respect to variables, as loops.
 //!
 //! Forward and symbolic: the derivative of a node is a list of terms, one for each element pattern
-//! ([`Leaf`]) of the variables of interest that it depends on; lists are kept for each node, so
-//! that rows share what they have in common. A sum over a loop whose counter a leaf uses becomes an
-//! entry with one more loop: matrices are never scalarised.
+//! ([`Leaf`]) of the variables of interest that it depends on. Lists are kept for each node, so
+//! that rows share common parts. A sum over a loop whose counter a leaf uses becomes an entry with
+//! one more loop: matrices are never scalarised.
 //!
-//! At points where a derivative is infinite (`sqrt(x)` and `x^a`, a < 1, at x = 0) zero is
-//! returned: a Newton iteration then goes on from the rest of the row instead of failing at once.
+//! Where a derivative is infinite (`sqrt(x)` and `x^a`, a < 1, at x = 0) zero is returned. A Newton
+//! iteration then continues from the rest of the row instead of failing at once.
 
 use thiserror::Error;
 
@@ -31,7 +31,7 @@ pub enum DifferentiateError {
     TooDeep,
 }
 
-/// Rows of a nest: an expression and where it stands.
+/// Rows of a nest: an expression and its place.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// Extents of the loops.

@@ -7,15 +7,14 @@
 //! | [`quantities`] | declarations | bounds, defaults and scales as numbers |
 //! | [`equations`] | equations, connections | [`Equation`]s |
 //! | [`episode`] | the control problem | programs, interface |
-//! | [`check`] | what nothing asked for or nobody chose | warnings and faults |
+//! | [`check`] | unused declarations and inactive alternatives | warnings and faults |
 //!
-//! All but the first take expressions to nodes by [`lower`] (with [`space`] for what stands over
-//! the cells of a domain): names are looked up, shapes and units checked on what was written,
-//! functions and `let`s expanded, indices over enumerated sets unrolled, and equations over cells
-//! become loops. Where a stencil meets the end of a domain, the loop is split on demand:
-//! [`lower::cells`] elaborates a body over a range of cells and starts again with a cut where the
-//! body asked for one, so that the first, the inner and the last cells each get their own equation,
-//! however large the grid is.
+//! All but the first take expressions to nodes by [`lower`], with [`space`] for expressions over
+//! the cells of a domain. Names are looked up, shapes and units checked on the text, functions and
+//! `let`s expanded, indices over enumerated sets unrolled, and equations over cells become loops.
+//! Where a stencil meets the end of a domain, the loop is split on demand. [`lower::cells`]
+//! elaborates a body over a range of cells and starts again with a cut where the body needed one.
+//! The first, the inner and the last cells each get their own equation, however large the grid is.
 //!
 //! Faults are collected; a faulty expression becomes *poison*, which fits everywhere and causes no
 //! further report.
@@ -198,8 +197,8 @@ fn all_statements(l: &mut Lowering<'_, '_>) -> (Vec<Equation>, Control) {
     (equations, control)
 }
 
-/// Faults of components of which there is no instance, elaborated apart, beside what the file
-/// declares.
+/// Faults of components without an instance, elaborated separately from the declarations of the
+/// file.
 fn sample_faults(input: &Input<'_>, unused: &[&Statement]) -> Vec<Diagnostic> {
     if unused.is_empty() {
         return Vec::new();

@@ -3,7 +3,7 @@
 //!
 //! An expression that depends on unknowns or time becomes a pair of expressions, its lower and its
 //! upper bound. In them an unknown's value stands for its lower bound and its derivative for its
-//! upper bound; time is the beginning of the span, and the scalar argument of a function its end.
+//! upper bound. Time is the beginning of the span, and the scalar argument of a function its end.
 //! So the bounds are compiled, hoisted and kept in loops like any other function. Truth values
 //! become the pair *certainly* and *possibly*.
 //!
@@ -172,7 +172,7 @@ impl<'a> Encloser<'a> {
     fn compare(&mut self, op: Compare, a: ExprId, b: ExprId) -> Pair {
         let ((low_a, high_a), (low_b, high_b)) = (self.pair(a), self.pair(b));
         let x = self.x();
-        // What is not a number makes everything possible: hence negations.
+        // NaN makes everything possible, therefore the negations.
         match op {
             Compare::Lt => {
                 let never = x.compare(Compare::Le, high_b, low_a);

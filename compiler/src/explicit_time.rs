@@ -3,8 +3,8 @@
 //!
 //! * *Breaks*: times at which an equation changes its form, a knot of a table over time, `t > a`,
 //!   `floor(t/a)`. Every expression of time and a step's inputs alone that is linear between breaks
-//!   has its slope worked out here, so that the next break is one division away: `t - v/slope` for
-//!   the value `v` whose sign changes there. What is nested (a table at `mod(t, a)`) needs nothing
+//!   has its slope computed here. The next break is then one division away: `t - v/slope` for the
+//!   value `v` whose sign changes there. What is nested (a table at `mod(t, a)`) needs nothing
 //!   more: between breaks the inner function is linear too.
 //! * *Forcings*: everything else that time moves, `sin(w*t)` or `exp(-k*t)`: the smallest
 //!   expressions that hold it whole. The integrator looks at them all over the interval before it
@@ -19,7 +19,7 @@ use crate::ir::{
 };
 use crate::model::Model;
 
-/// Passes of the loops around, by counter; 0 where there is none.
+/// Passes of the loops around, by counter; 0 without a loop.
 type Extents = [u32; MAX_DEPTH];
 
 /// An expression over loops, by counter and number of iterations, outermost first.

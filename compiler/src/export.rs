@@ -1,9 +1,9 @@
 //! A checked model as text of other tools: JSON, C, Python modules for CasADi and JAX.
 //!
 //! [`Families`] names every number of a model in declaration order, and says where it is kept. Each
-//! target is a printer of its own; what they have in common are the [`sheet`] (the functions of a
-//! model with the arrays that they read and write) and the two ways to walk them, as loops
-//! ([`loops`]) and as operations on whole arrays ([`arrays`]). Nothing is scalarised.
+//! target is a separate printer. They share the [`sheet`], the functions of a model with the arrays
+//! that they read and write. There are two ways to walk it: as loops ([`loops`]) and as operations
+//! on whole arrays ([`arrays`]). Nothing is scalarised.
 
 mod arrays;
 mod c;

@@ -1,8 +1,8 @@
 //! Machine code by Cranelift: one function a staged program, position-independent, without
 //! relocations.
 //!
-//! [`schedule`](crate::schedule) decides what is computed in which loop; `body` walks the schedule
-//! and emits scalar code and loops; `wide` emits innermost loops two lanes at a time, with
+//! [`schedule`](crate::schedule) decides what is computed in which loop, and `body` walks the
+//! schedule and emits scalar code and loops. `wide` emits innermost loops two lanes at a time, with
 //! elementary functions taken out into array kernels over columns of working memory. Loops stay
 //! loops: the size of the code does not depend on extents.
 

@@ -1,8 +1,8 @@
 //! Moves what does not change between calls out of the functions of the inner loop.
 //!
 //! Every node has a [`Stage`]: when its value can first be known. Maximal sub-expressions that are
-//! known before a function runs become loads of cache variables, which two preparing functions
-//! fill: one when parameters are set, one at the start of each step.
+//! known before a function runs become loads of cache variables. Two preparing functions fill
+//! these: one when parameters are set, one at the start of each step.
 
 use std::collections::hash_map::Entry;
 
@@ -40,7 +40,7 @@ pub(crate) struct Hoister<'a> {
     pub step: Vec<Nest>,
 }
 
-/// Passes of the loops around, by counter; 0 where there is none.
+/// Passes of the loops around, by counter; 0 without a loop.
 type Extents = [u32; MAX_DEPTH];
 
 impl<'a> Hoister<'a> {

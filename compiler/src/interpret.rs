@@ -316,8 +316,7 @@ impl Run for Machine<'_, '_> {
 /// The value of an expression of constants and of what `value_of` knows (variable, copy, element);
 /// `None` if it uses anything else.
 ///
-/// Meant for parameters whose numbers are known while the model is built: extents, bounds,
-/// exponents.
+/// For parameters whose numbers are known while the model is built: extents, bounds, exponents.
 #[must_use]
 pub(crate) fn eval_constant(exprs: &Exprs, expr: ExprId, value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>) -> Option<f64> {
     eval_at(exprs, expr, &mut [0; MAX_DEPTH], value_of)

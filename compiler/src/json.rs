@@ -1,10 +1,10 @@
 //! The checked model as JSON, both ways, in the form that `docs/schema/model-3.schema.json` fixes.
 //!
 //! Expressions are one list of nodes, operands before users: trees whose repeated parts are written
-//! once. Loops stay loops. What is written holds all that the back end needs: [`read`] gives the
-//! flat model that [`print`] was given, so that it compiles to the same functions and is written
-//! again as the same bytes. [`read`] believes nothing: whatever a text holds, it gives a model that
-//! the passes behind it can take, or an error that names the place.
+//! once. Loops stay loops. The text holds all that the back end needs: [`read`] returns the flat
+//! model that [`print`] wrote. It compiles to the same functions and is written again as the same
+//! bytes. [`read`] believes nothing: whatever a text holds, it gives a model that the passes behind
+//! it can take, or an error that names the place.
 
 mod bounds;
 mod cursor;

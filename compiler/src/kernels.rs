@@ -2,8 +2,8 @@
 //!
 //! Constant folding, the interpreter, compiled scalar code and compiled loops all end here, so that
 //! a model gives the same numbers whichever way it is run. `exp`, `ln`, `log10`, `pow` and `tanh`
-//! are polynomial versions written with fused multiply-add (`math`): one copy is compiled for AVX2
-//! with FMA, where loops over arrays run four lanes wide, another for any processor; both round
+//! are polynomial versions written with fused multiply-add (`math`). One copy is compiled for AVX2
+//! with FMA, where loops over arrays run four lanes wide, another for any processor. Both round
 //! alike because a fused multiply-add is exact on either. Trigonometric and the other hyperbolic
 //! functions are those of the crate `libm`: a C library may have a version for each kind of
 //! processor, which differ in the last bit.

@@ -1,7 +1,7 @@
 //! Memory of every variable: one workspace per instance, the unknowns outside of it.
 //!
 //! The workspace is one buffer of numbers. Regions hold the variables of one role each, in the
-//! order of their ids; the frames `Initial`, `Previous` and `Steady` are copies of four regions
+//! order of their ids. The frames `Initial`, `Previous` and `Steady` are copies of four regions
 //! (`y`, actions, discrete variables, disturbances) at other instants. Caches and working memory of
 //! the compiled functions come last.
 

@@ -55,8 +55,7 @@ pub struct Model {
 
 impl Model {
     /// Returns `true` if what a program stores is a function of the step, the time and the
-    /// parameters alone: whatever state the process is in, and whatever was done to it, the values
-    /// are the same.
+    /// parameters alone, independent of states and actions.
     #[must_use]
     pub fn is_of_the_step_alone(&self, program: &Program) -> bool {
         let values = program.nests.iter().flat_map(|nest| nest.stores.iter().map(|store| store.value));

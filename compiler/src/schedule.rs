@@ -1,10 +1,9 @@
 //! From what a model does to the order in which it is computed.
 //!
 //! The passes before write expressions over loops; here they become the functions of the back end.
-//! A [`Staged`] is what one function does, made of programs, rows and entries of the Jacobian. Of
-//! its stores those that differ only in their addresses are [`rerolled`](reroll) into loops; then
-//! each node is placed in a loop: the [`Schedule`], which the interpreter and the code generator
-//! walk alike.
+//! A [`Staged`] is what one function does, made of programs, rows and entries of the Jacobian.
+//! Stores that differ only in their addresses are [`rerolled`](reroll) into loops. Then each node
+//! is placed in a loop: the [`Schedule`], which the interpreter and the code generator walk alike.
 
 mod blocks;
 mod jacobian;

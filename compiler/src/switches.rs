@@ -24,7 +24,7 @@ use crate::ir::{
 };
 use crate::model::Model;
 
-/// Passes of the loops around, by counter; 0 where there is none.
+/// Passes of the loops around, by counter; 0 without a loop.
 type Extents = [u32; MAX_DEPTH];
 
 /// Nodes that are evaluated at most to find out whether the forms of a model agree where they meet;
@@ -50,7 +50,7 @@ pub(crate) struct Switch {
     /// Both forms agree where they meet.
     pub kink: bool,
     /// Quantity that is compared: switches of one group look at one quantity. Each pass of the
-    /// loops has a group of its own, but for the last `shared` loops.
+    /// loops has its own group, except for the last `shared` loops.
     pub group: u32,
     /// Number of loops, counted from the last, over the thresholds of one quantity.
     pub shared: usize,
@@ -244,8 +244,8 @@ impl Maker<'_> {
         (x.mul(sign, distance), x.unary(UnaryFn::Sin, turn))
     }
 
-    /// The distance from each limit of a list, over a loop of its own; `None` where there is no
-    /// counter for it.
+    /// The distance from each limit of a list, over a separate loop; `None` without a counter for
+    /// it.
     fn passed(&mut self, limits: List, a: ExprId, loops: &mut Vec<(u8, u32)>) -> Option<ExprId> {
         // Counters of reductions below may not be bound again.
         let mut used = self.exprs.free(a);

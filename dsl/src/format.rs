@@ -1,13 +1,13 @@
 //! The canonical layout of a model's text.
 //!
 //! Statements are on their own lines, indented by two blanks a block; blank lines separate groups,
-//! one at a time. Consecutive declarations of one role are aligned in columns, and so are the two
-//! sides of consecutive equations and the cells of a table (by their starts, or where the author
-//! has aligned them by their ends or decimal points; the heads of columns and rows with units where
-//! the author has). Comments stay where they are. A long statement keeps its author's line breaks,
-//! with the indentation put right. `*`, `/`, `+` and `-` keep their author's choice of blanks on
-//! both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither form alone
-//! does.
+//! one at a time. Consecutive declarations of one role are aligned in columns, as are the two sides
+//! of consecutive equations. Cells of a table are aligned by their starts, or by their ends or
+//! decimal points if the author has done so. Heads of columns and rows with units are aligned if
+//! the author has aligned them. Comments stay where they are. A long statement keeps its author's
+//! line breaks, with the indentation put right. `*`, `/`, `+` and `-` keep their author's choice of
+//! blanks on both sides or on none, since `2*U/(r*rho) * (T_c - T)` says something that neither
+//! form alone does.
 //!
 //! Only blanks and line ends between tokens change (and `;` between statements), so that the
 //! meaning cannot.

@@ -4,7 +4,7 @@ use numpy::ndarray::{Dimension, Ix1, Ix2, Ix3};
 use numpy::{Element, PyArray, PyArrayMethods};
 use pyo3::prelude::*;
 
-/// An array that was just made: nobody else has a reference to it, so its elements may be written.
+/// A new array without other references, so that its elements may be written.
 pub struct Fresh<'py, T, D>(Bound<'py, PyArray<T, D>>);
 
 impl<'py, T: Element> Fresh<'py, T, Ix1> {

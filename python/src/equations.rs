@@ -20,7 +20,7 @@ use smpl_runtime::system::CompiledSystem;
 use crate::errors::SimulationError;
 use crate::role::Role;
 
-/// Values in place of defaults: role, element, value.
+/// Values instead of defaults: role, element, value.
 pub type Given = Vec<(Role, usize, f64)>;
 
 /// An instance of a model to evaluate, and the order of its unknowns.
@@ -39,7 +39,7 @@ pub struct Equations {
     values: Vec<f64>,
 }
 
-/// Seconds of a call, the least of the means of batches: the machine may do other things beside it.
+/// Seconds of a call, the smallest mean of several batches, since the machine may do other work.
 fn least_time(mut call: impl FnMut()) -> f64 {
     let mut batch = |count: u32| {
         let begin = Instant::now();
@@ -51,7 +51,7 @@ fn least_time(mut call: impl FnMut()) -> f64 {
     (0..51).map(|_| batch(count)).fold(f64::INFINITY, f64::min)
 }
 
-/// Compressed columns in declaration order, and where each entry stands in the compiled Jacobian.
+/// Compressed columns in declaration order, and the place of each entry in the compiled Jacobian.
 struct Columns {
     pointers: Vec<i32>,
     rows: Vec<i32>,
@@ -59,7 +59,7 @@ struct Columns {
 }
 
 impl Equations {
-    /// The equations of a model; `parameters` are in place of the defaults.
+    /// The equations of a model; `parameters` replace the defaults.
     ///
     /// # Errors
     /// A fault of the compiler.
@@ -145,8 +145,8 @@ impl Equations {
         Ok(())
     }
 
-    /// Steady state at the actions `u`. `fixed` are positions of states and their values, those of
-    /// the model if there are none, `begin` positions of unknowns and where the search begins.
+    /// Steady state at the actions `u`. `fixed` are positions of states and their values, by
+    /// default those of the model; `begin` are positions of unknowns and their initial guesses.
     pub fn steady_state(&mut self, u: &[f64], given: &Given, fixed: &[(usize, f64)], begin: &[(usize, f64)]) -> PyResult<Vec<f64>> {
         self.work.restore(self.nominal.memory().all());
         let mut guess = self.first_guess();
@@ -275,7 +275,7 @@ impl Equations {
         Ok(())
     }
 
-    /// Places and values of what is given for a role.
+    /// Places and values given for a role.
     fn places(&self, role: Role, given: &Given) -> PyResult<Vec<(usize, f64)>> {
         let mine = given.iter().filter(|(of, _, _)| *of == role);
         mine.map(|&(_, element, value)| match role.family(&self.catalogue).elements().get(element) {

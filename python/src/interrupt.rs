@@ -36,8 +36,8 @@ fn signalled() -> bool {
     catch_unwind(AssertUnwindSafe(seen)).unwrap_or(false)
 }
 
-/// Runs `work` without the interpreter lock. A panic in it becomes an exception, and so does a
-/// signal that came meanwhile.
+/// Runs `work` without the interpreter lock. A panic in it, or a signal that arrived meanwhile,
+/// becomes an exception.
 pub fn released<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let result = guarded(|| py.detach(work));
     match RAISED.take() {
@@ -46,14 +46,14 @@ pub fn released<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyR
     }
 }
 
-/// Runs `work` on a thread of its own with a stack that suits a compiler. When a signal comes the
-/// caller goes on at once, and what the thread finds is dropped.
+/// Runs `work` on a new thread with a stack that suits a compiler. When a signal comes the caller
+/// goes on at once, and what the thread finds is dropped.
 pub fn aside<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
     use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 
     let (sender, receiver) = sync_channel(1);
     let run = move || {
-        // Nobody listens any more after a signal.
+        // The receiver is gone after a signal.
         let _ = sender.send(catch_unwind(AssertUnwindSafe(work)));
     };
     std::thread::Builder::new().name("smpl-compile".into()).stack_size(STACK).spawn(run)?;

@@ -424,8 +424,8 @@ impl Model {
         rules::run(py, kept.insert(made), &points, [parameters, discrete], first_step)
     }
 
-    /// The random numbers of the model: names, whether they are standard normal (the others are
-    /// uniform from 0 to 1), and whether they are drawn at every step (the others at a reset).
+    /// The random numbers of the model: names, flags for standard normal numbers (others are
+    /// uniform in [0, 1]), and flags for numbers drawn at every step (others at a reset).
     fn draws(&self, py: Python<'_>) -> PyResult<Vec<(String, bool, bool)>> {
         let setup = self.setup(py, true, None, None)?;
         let draws = Rules::draws(&setup).iter();
@@ -532,7 +532,7 @@ fn export_error(fault: ExportFault) -> PyErr {
 /// Position of a policy of the model.
 ///
 /// # Errors
-/// `ValueError` where there is none of that name.
+/// `ValueError` if the name is unknown.
 pub(crate) fn policy_index(model: &smpl_compiler::model::Model, name: &str) -> PyResult<usize> {
     let policies = &model.programs.policies;
     policies.iter().position(|(known, _)| known == name).ok_or_else(|| {

@@ -16,7 +16,7 @@ pub enum Role {
     Algebraic,
     /// Variables that change at instants and events.
     Discrete,
-    /// An input that nobody chooses.
+    /// An input that is not chosen.
     Disturbance,
     /// An input that is chosen.
     Action,
@@ -38,7 +38,7 @@ impl Role {
     /// The role of a name.
     ///
     /// # Errors
-    /// If there is none.
+    /// If the role is unknown.
     pub fn of(name: &str) -> PyResult<Role> {
         let known = Self::NAMES.iter().find(|(known, _)| *known == name);
         known.map(|(_, role)| *role).ok_or_else(|| role_error(name))

@@ -10,7 +10,7 @@ use smpl_runtime::environment::{ResetOptions, Start as Mode, StateInput};
 /// Options of a reset.
 #[pyclass(frozen, module = "smpl._native")]
 pub struct Start {
-    /// As the runtime wants them.
+    /// As the runtime needs them.
     pub options: ResetOptions,
 }
 

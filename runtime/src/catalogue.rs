@@ -69,7 +69,7 @@ impl Family {
         self.elements.len()
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.elements.is_empty()
@@ -124,7 +124,7 @@ pub struct OutsideBounds {
     pub low: f64,
     /// Upper bound.
     pub high: f64,
-    /// Unit, after a blank; empty where there is none.
+    /// Unit, after a blank; empty without a unit.
     pub unit: String,
     /// Correction for a missing value; otherwise empty.
     pub advice: &'static str,

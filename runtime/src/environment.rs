@@ -4,9 +4,8 @@
 //! disturbances take their values; `at start` programs run. The integrator restarts consistently
 //! and goes to the end of the interval, stopping at events; `at end` programs run; then failures,
 //! successes, rewards and observations are evaluated. A failure wins over success, success over the
-//! time limit. A step allocates nothing, and depends on nothing but the state, the action, the
-//! episode's key and, with a one-step method, the step that fitted last: the integrator carries
-//! nothing else over from one step to the next.
+//! time limit. A step allocates nothing. It depends only on the state, the action, the episode's
+//! key and, with a one-step method, the last accepted step size.
 
 mod finish;
 mod following;
@@ -101,8 +100,8 @@ pub enum StepError {
 ///
 /// It has more methods than other types, because it is what the command, the Python module and
 /// batches see of an episode, of which they read one thing each. The rest is the order of a step,
-/// in one file a part: `reset`, `interval`, `verdict`, `tangent`. What holds numbers of its own is
-/// a type of its own (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
+/// in one file a part: `reset`, `interval`, `verdict`, `tangent`. Each owner of numbers is a
+/// separate type (`Progress`, `Finish`, `Sensors`, `CompiledSystem`).
 pub struct Environment {
     setup: Arc<Setup>,
     system: CompiledSystem,
@@ -133,7 +132,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// An instance; it wants a [`reset`](Self::reset) first.
+    /// An instance; it needs a [`reset`](Self::reset) first.
     ///
     /// # Errors
     /// When the solver refuses the system.
@@ -185,8 +184,8 @@ impl Environment {
         }
     }
 
-    /// Does `work` with an integrator that others use too: nothing of a step is left in one, so
-    /// that the bits are those of an integrator of its own.
+    /// Does `work` with a shared integrator, which keeps nothing of a step, so that the bits are
+    /// those of a separate integrator.
     pub(crate) fn with_integrator<R>(&mut self, integrator: &mut Box<dyn Integrator>, work: impl FnOnce(&mut Self) -> R) -> R {
         /// Gives it back also when the work panics.
         struct Loan<'a>(&'a mut Environment, &'a mut Box<dyn Integrator>);
@@ -233,7 +232,7 @@ impl Environment {
         outcome == interval::Outcome::Solver && self.progress.verdict.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
     }
 
-    /// Undoes what a step that was interrupted has changed beside the state.
+    /// Undoes the changes of an interrupted step other than those of the state.
     fn take_back(&mut self) {
         self.progress.verdict.solver_failure = None;
         for (part, present) in [(Part::Action, Region::Action), (Part::Disturbance, Region::Disturbance)] {
@@ -243,7 +242,7 @@ impl Environment {
         model.prepare_step(memory);
     }
 
-    /// Ends the episode without a verdict: the next step wants a reset.
+    /// Ends the episode without a verdict: the next step needs a reset.
     pub(crate) fn abandon(&mut self) {
         self.progress.phase = Phase::New;
     }
@@ -279,8 +278,8 @@ impl Environment {
         disturbances.find(|element| element.at == at).map_or_else(String::new, |element| element.name.clone())
     }
 
-    /// Recorded disturbances that have ended and hold their last value though nobody said so of
-    /// them, with the number of their values.
+    /// Recorded disturbances that have ended and hold their last value by default, with the number
+    /// of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
         let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
@@ -330,8 +329,8 @@ impl Environment {
         self.progress.steps
     }
 
-    /// Time of the present state: completed steps times the sampling interval, that of the event at
-    /// which the last step stopped, or that of before a step that was not integrated.
+    /// Time of the present state: completed steps times the sampling interval, the time of the
+    /// event that ended the last step, or that before a step without integration.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.progress.event_time.unwrap_or_else(|| f64::from(self.progress.steps) * self.setup.model().interface().episode.step)

@@ -14,7 +14,7 @@ pub(crate) const ACTION_BOX: &str = "action_box";
 pub(crate) const SOLVER: &str = "solver";
 /// Identifier of the failure of events that follow one another without end.
 pub(crate) const EVENTS: &str = "events";
-/// Identifier of the failure of a number that is none although nothing else failed.
+/// Identifier of the failure of a number that is not finite although nothing else failed.
 pub(crate) const NOT_FINITE: &str = "not_finite";
 
 /// Identifier of the failure of a trajectory that has no start, see [`crate::rollout`].
@@ -100,7 +100,7 @@ pub(crate) struct SolverFailure {
     pub cause: Cause,
     /// The unknown (place in `y`) whose equation is to blame, where one is known.
     pub unknown: Option<usize>,
-    /// The root function at whose threshold the integration came to a stand, where there is one.
+    /// The root function at whose threshold the integration stopped, if any.
     pub event: Option<usize>,
 }
 
@@ -161,7 +161,7 @@ impl Chatter {
     }
 }
 
-/// A number that is none.
+/// A number that is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NotFinite {
     /// An unknown, by its place in `y`.

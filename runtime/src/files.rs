@@ -1,8 +1,8 @@
 //! Files: what is read is a regular file, and what is written is there whole or not at all.
 //!
-//! A file is written beside its destination, under a name that nobody can foresee, and renamed when
-//! it is complete. Links are followed to what they name, and what is no regular file (a device, a
-//! pipe) is written into as it is.
+//! A file is written next to its destination, under an unpredictable name, and renamed when it is
+//! complete. Links are followed, and a file that is not regular (a device, a pipe) is written
+//! directly.
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, BufWriter, Read, Write};
@@ -27,7 +27,7 @@ pub struct WriteError {
 /// Opens a regular file. A device may never end, and a pipe may wait for ever.
 ///
 /// # Errors
-/// Where there is none, or it cannot be opened.
+/// If it is missing, or cannot be opened.
 pub fn open(path: &Path) -> io::Result<File> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
@@ -152,8 +152,8 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links"))
 }
 
-/// Writes a file whole or not at all. Links are followed, what is no regular file is written into,
-/// `-` is the standard output. A file that is replaced hands its permissions on.
+/// Writes a file whole or not at all. Links are followed, files that are not regular are written
+/// directly, `-` is the standard output. A file that is replaced hands its permissions on.
 ///
 /// # Errors
 /// [`WriteError`] with the path; nothing is left behind then.
@@ -173,7 +173,7 @@ fn write_into(sink: impl Write, fill: impl FnOnce(&mut dyn Write) -> io::Result<
     out.flush()
 }
 
-/// Writes a file beside `path` and renames it when it is complete.
+/// Writes a file next to `path` and renames it when it is complete.
 fn replace(path: &Path, replaced: Option<&Metadata>, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     if replaced.is_some() {
         // What may not be written is not replaced either, whatever its folder allows.

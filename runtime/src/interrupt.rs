@@ -1,9 +1,9 @@
 //! Requests to stop a long computation: Ctrl-C where another program's interpreter runs this one.
 //!
 //! Whoever embeds the runtime says with [`set_hook`] how to ask for such a request. Computations
-//! look at a [`Pace`] as they go on: it counts, and looks at the clock every few milliseconds, so
-//! that the hook is asked every 100 ms on a thread and costs nothing in between. Threads of a pool
-//! read a flag, which the thread that waits for them sets.
+//! call a [`Pace`] as they go on. It counts, and reads the clock every few milliseconds, so that
+//! the hook is called every 100 ms on a thread and costs nothing in between. Threads of a pool read
+//! a flag, which the thread that waits for them sets.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,19 +29,19 @@ thread_local! {
     static FOLLOWS: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Says whom to ask; the first one stays. Asked again after it said yes, it must say so until the
-/// computation has returned.
+/// Says whom to ask; the first one stays. After it has returned `true` once, it must return `true`
+/// until the computation has returned.
 pub fn set_hook(ask: fn() -> bool) {
     let _ = HOOK.set(ask);
 }
 
-/// Makes this thread look at a flag in place of the hook.
+/// Makes this thread read a flag instead of the hook.
 pub fn follow(flag: Arc<AtomicBool>) {
     FLAG.with(|mine| *mine.borrow_mut() = Some(flag));
     FOLLOWS.set(true);
 }
 
-/// Returns `true` if somebody wants the computation to stop, asked now.
+/// Returns `true` if the computation shall stop now.
 #[must_use]
 pub fn requested() -> bool {
     if FOLLOWS.get() {

@@ -1,9 +1,15 @@
 //! Linearisation about a point: dx/dt = A x + B u, observations = C x + D u, in deviations.
 //!
-//! Algebraic unknowns z are eliminated: with E dx/dt = F_x x + F_z z + F_u u and 0 = G_x x + G_z z + G_u u the matrices follow from
-//! z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt, with the rates at the point. Where equations of algebraic unknowns
-//! read rates as well, these and z follow from all equations together.
-//! The matrices are stored in full: meant for models of up to some thousand unknowns.
+//! Algebraic unknowns z are eliminated from the equations
+//!
+//! ```text
+//! E dx/dt = F_x x + F_z z + F_u u,    0 = G_x x + G_z z + G_u u.
+//! ```
+//!
+//! The matrices follow from z = -G_z^-1 (G_x x + G_u u). Where E depends on x, F_x has -E_x dx/dt,
+//! with the rates at the point. Where equations of algebraic unknowns read rates as well, these and
+//! z follow from all equations together. The matrices are stored in full, for models of up to some
+//! thousand unknowns.
 
 use nalgebra::DMatrix;
 use smpl_compiler::compiled::{Derived, WithRespectTo};
@@ -133,9 +139,9 @@ fn together(weights: &DMatrix<f64>, by_y: &DMatrix<f64>, by_u: &DMatrix<f64>) ->
     })
 }
 
-/// Rates at the point, where the equations need not rest, and their weights in all equations there:
-/// by Newton's method on the equations of states, as rates may stand in products and powers. A
-/// correction by weights that are those of its result is exact.
+/// Rates at the point, where the equations need not rest, and their weights in all equations there.
+/// Newton's method on the equations of states finds them, since rates may appear in products and
+/// powers. A correction by weights that are those of its result is exact.
 fn rates(system: &mut CompiledSystem, t: f64, y: &[f64]) -> Result<(Vec<f64>, DMatrix<f64>), LinearizeError> {
     let (n, nx) = (system.model().unknowns(), system.model().states());
     let (mut yp, mut residual) = (vec![0.0; n], vec![0.0; n]);

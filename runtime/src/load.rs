@@ -64,7 +64,7 @@ pub struct LoadOptions {
     pub texts: bool,
     /// Names of the tests to compile with the model.
     pub tests: Option<Vec<String>>,
-    /// Look for what is allowed but hardly meant, too.
+    /// Also report lints.
     pub lints: bool,
 }
 
@@ -231,8 +231,8 @@ fn compiled(
     compile(sources, main, &mut |path| import_open(&folder, path, open), &asked, &settings)
 }
 
-/// The text that `use "path"` means: a file beside the model or in the library (`SMPL_LIBRARY`),
-/// never outside them.
+/// The text of `use "path"`: a file next to the model or in the library (`SMPL_LIBRARY`), never
+/// outside them.
 pub fn import(folder: &Path, path: &str) -> Option<(String, String)> {
     import_open(folder, path, &|_| None)
 }

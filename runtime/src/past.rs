@@ -1,9 +1,9 @@
 //! Past values of delayed expressions, and the times at which they change their form.
 //!
 //! A model with `delay(e, theta)` reads inputs that follow from its past. Every accepted step is
-//! sampled into polynomials (`record`), and the places at which these are not smooth become breaks
-//! of the integration (`marks`), so that a step sees one form of each delayed value. No step is
-//! longer than the shortest dead time, so that what it reads is known.
+//! sampled into polynomials (`record`). Places at which these are not smooth become breaks of the
+//! integration (`marks`), so that a step sees one form of each delayed value. No step is longer
+//! than the shortest dead time, so that what it reads is known.
 
 mod marks;
 pub(crate) mod moved;

@@ -1,9 +1,8 @@
 //! Many trajectories at once: states and action sequences in, arrays out.
 //!
-//! A trajectory is an episode of an [`Environment`] from a given state, without anything around it:
-//! sampling-based control, identification and the generation of data stand on it. Trajectory i
-//! depends on nothing but its own inputs, so that results are the same to the bit on any number of
-//! threads, and the same as those of single steps.
+//! A trajectory is an episode of an [`Environment`] from a given state: the basis of sampling-based
+//! control, identification and the generation of data. Trajectory i depends only on its own inputs:
+//! results are the same to the bit on any number of threads, and the same as those of single steps.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -200,8 +199,8 @@ impl Rollouts {
     /// consistent start has the failure `start`, NaN for its states and no steps.
     ///
     /// # Errors
-    /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are no
-    /// numbers: nothing of the arrays counts then. An interruption.
+    /// Wrong lengths, unknown names, parameters outside of their bounds, actions that are
+    /// not numbers: the arrays are then invalid. An interruption.
     pub fn run(&mut self, plan: &Plan<'_>, arrays: Arrays<'_>) -> Result<Vec<End>, RolloutError> {
         self.check(plan, &arrays)?;
         self.stop.store(false, Ordering::Relaxed);
@@ -497,7 +496,7 @@ fn pick(values: &[f64], width: usize, index: usize) -> &[f64] {
     if values.len() == width { values } else { &values[index * width..(index + 1) * width] }
 }
 
-/// There is no start with these values, which may be what somebody wants to know.
+/// There is no start with these values, which may be the question.
 fn is_infeasible(error: &ResetError) -> bool {
     match error {
         ResetError::Inconsistent { .. } | ResetError::NotFinite { .. } => true,

@@ -271,8 +271,7 @@ impl Scenario {
         self.settings.keys().find(|name| elsewhere(name)).map(|name| ("settings", name.clone()))
     }
 
-    /// The first number that nothing can mean: the key that it stands under, its name, and what is
-    /// wrong.
+    /// The first invalid number: its key, its name, and the reason.
     fn bad_value(&self) -> Option<(&'static str, String, String)> {
         let fault = |key, name: &str, message: String| Some((key, name.to_owned(), message));
         if self.max_steps == Some(0) {
@@ -338,7 +337,7 @@ impl VariantEntry {
     }
 }
 
-/// The file of a scenario: a path as it is, or a name beside the model.
+/// The file of a scenario: a path, or a name of a file next to the model.
 #[must_use]
 pub(crate) fn find_file(model: &Path, scenario: &str) -> PathBuf {
     let is_path = scenario.ends_with(".yaml") || scenario.ends_with(".yml") || scenario.contains(std::path::is_separator);
@@ -360,7 +359,7 @@ pub(crate) fn data_of(text: &str) -> Vec<String> {
     values.into_values().filter_map(path).collect()
 }
 
-/// Names of the scenarios that stand beside a model, `default` first.
+/// Names of the scenarios next to a model, `default` first.
 #[must_use]
 pub fn beside(model: &Path) -> Vec<String> {
     let stem = model.file_stem().map(|s| format!("{}.", s.to_string_lossy())).unwrap_or_default();
@@ -386,7 +385,7 @@ pub fn beside(model: &Path) -> Vec<String> {
 const MAX_NESTING: usize = 100;
 
 /// Place of brackets that are nested too deep: the time of the YAML reader grows with the square of
-/// the depth. Brackets in texts and comments count too; nobody opens a hundred there.
+/// the depth. Brackets in texts and comments count too; a hundred of them are not expected there.
 fn too_deep(text: &str) -> Option<usize> {
     let mut depth = 0_usize;
     text.bytes().position(|byte| {

@@ -77,7 +77,7 @@ pub enum SensitivityError {
         /// The right one.
         expected: usize,
     },
-    /// A point is none.
+    /// A point is not finite.
     #[error("point {index}: {error}")]
     Reset {
         /// Its number.

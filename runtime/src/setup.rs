@@ -37,7 +37,7 @@ pub enum SetupError {
     /// A parameter outside of its bounds.
     #[error(transparent)]
     OutsideBounds(#[from] OutsideBounds),
-    /// A value that is none.
+    /// A value that is not finite.
     #[error("{what} must be {expected}, not {value}")]
     Value {
         /// Name of the setting.
@@ -103,7 +103,7 @@ pub(crate) struct Programs {
     /// theirs.
     pub start_passes: usize,
     /// Most passes in which start values that read discrete variables or disturbances settle; 0
-    /// where there are none.
+    /// without such values.
     pub discrete_passes: usize,
 }
 
@@ -195,8 +195,8 @@ impl Setup {
         Self::make(model, options, sources, needs_steady)
     }
 
-    /// As [`new`](Self::new), for those who look for a steady state themselves: that the model's
-    /// own is not found is no error.
+    /// As [`new`](Self::new), for callers that look for a steady state themselves: a missing steady
+    /// state of the model is not an error.
     ///
     /// # Errors
     /// Unknown names, values out of range.
@@ -273,8 +273,8 @@ impl Setup {
         self.max_steps
     }
 
-    /// Hash of the model and of what the scenario says beside it: what a snapshot belongs to. Which
-    /// reward is dense and how long an episode is may differ.
+    /// Hash of the model and its scenario, which identifies the model of a snapshot. Which reward
+    /// is dense and how long an episode is may differ.
     ///
     /// # Errors
     /// In words, if the model cannot be encoded.
@@ -451,7 +451,7 @@ fn check_method(model: &CompiledModel, catalogue: &Catalogue, method: Method) ->
 /// Integration method by its name on the command line or in Python.
 ///
 /// # Errors
-/// If there is none of that name.
+/// If the name is unknown.
 pub fn method(name: &str) -> Result<Method, SetupError> {
     let unknown = || SetupError::Value { what: "method".into(), expected: Method::TEXT, value: format!("`{name}`") };
     Method::from_name(name).ok_or_else(unknown)

@@ -4,15 +4,15 @@
 //! does not act upstream. Four measures make the QR iteration safe and quick for them:
 //!
 //! * the strongly connected parts of the pattern (Tarjan, SIAM J. Comput. 1 (1972) 146-160) are the
-//!   diagonal blocks of a block triangular form, whose eigenvalues are those of the matrix; a
-//!   reactor of 1700 cells in a row falls apart into blocks of a few species;
-//! * each block is scaled so that states that act on each other do so about equally: a bed in which
+//!   diagonal blocks of a block triangular form, which has the same eigenvalues: a reactor of 1700
+//!   cells in a row has blocks of a few species;
+//! * each block is scaled so that states that act on each other do so about equally. A bed in which
 //!   convection outweighs dispersion is similar to a symmetric matrix by factors that grow from
 //!   cell to cell, without which rounding moves its eigenvalues by percents;
 //! * each block is balanced by powers of two (Parlett and Reinsch, Numer. Math. 13 (1969) 293-304);
-//! * of a block with more than [`DENSE`] states only the eigenvalues nearest to zero, which decide
-//!   on stability, are found, by Arnoldi's method on the inverse (Saad, Numerical Methods for Large
-//!   Eigenvalue Problems, chapter 6); [`Spectrum::omitted`] counts the others.
+//! * Arnoldi's method on the inverse finds only the eigenvalues nearest to zero, which decide on
+//!   stability, of a block with more than [`DENSE`] states (Saad, Numerical Methods for Large
+//!   Eigenvalue Problems, chapter 6). [`Spectrum::omitted`] counts the others.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 use smpl_compiler::graph::connected;
@@ -61,7 +61,7 @@ fn all(block: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     if n == 1 {
         return Some(vec![Complex::new(block[(0, 0)], 0.0)]);
     }
-    // An entry below the diagonal counts as zero when it is small beside its neighbours on the
+    // An entry below the diagonal counts as zero if it is small compared with its neighbours on the
     // diagonal. Where these are small themselves (a block with nearly nilpotent parts) it never is;
     // shifted by the norm it is, at the accuracy that the iteration has anyway.
     let shift = block.norm();
@@ -115,14 +115,14 @@ fn nearest_zero(block: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
 /// leads out of the space.
 fn residual(small: &DMatrix<f64>, value: Complex<f64>, beyond: f64) -> f64 {
     let n = small.nrows();
-    // One step of inverse iteration beside the eigenvalue gives the eigenvector.
+    // One step of inverse iteration near the eigenvalue gives the eigenvector.
     let shifted = small.map(|x| Complex::new(x, 0.0)) - DMatrix::identity(n, n) * (value * (1.0 + 1e-13));
     let vector = shifted.lu().solve(&DVector::from_element(n, Complex::new(1.0, 0.0)));
     vector.map_or(0.0, |vector| beyond * vector[n - 1].norm() / vector.norm())
 }
 
-/// Scales by powers of two so that entries on either side of the diagonal are as equal as can be:
-/// the logarithms x of the factors minimise the sum of (x_i - x_j - log2|a_ij / a_ji|/2)^2 over the
+/// Scales by powers of two so that entries on either side of the diagonal are as equal as possible.
+/// The logarithms x of the factors minimise the sum of (x_i - x_j - log2|a_ij / a_ji|/2)^2 over the
 /// pairs of states that act on each other. The eigenvalues stay. A matrix that would grow by it
 /// stays as it is.
 fn symmetrise(a: &mut DMatrix<f64>) {
@@ -190,7 +190,7 @@ fn balance(a: &mut DMatrix<f64>) {
 /// The strongly connected parts of the pattern, as sorted lists of rows.
 fn blocks(a: &DMatrix<f64>) -> Vec<Vec<usize>> {
     let n = a.nrows();
-    // A step from j leads to the rows in which column j stands.
+    // A step from j leads to the rows with an entry in column j.
     let next: Vec<Vec<usize>> = (0..n).map(|j| (0..n).filter(|&i| i != j && a[(i, j)] != 0.0).collect()).collect();
     connected(&next)
 }

@@ -8,8 +8,8 @@
 //! state near the guess. What is outside of the declared bounds is not taken: the process is
 //! followed, the search kept inside, and other guesses are tried.
 //!
-//! At rest the start of the episode, the end of the step before and the steady state are the same
-//! point: `initial(x)`, `previous(x)` and `steady(x)` are x in the search, and the Jacobian has
+//! At rest the start of the episode, the end of the last step and the steady state are the same
+//! point. In the search `initial(x)`, `previous(x)` and `steady(x)` are x, and the Jacobian has
 //! their derivatives.
 
 mod bounds;
@@ -153,8 +153,7 @@ pub fn declared(system: &mut CompiledSystem, catalogue: &Catalogue, y: &mut [f64
     (out, Held { states, conditions: (0..conditions).collect(), free })
 }
 
-/// Makes everything that refers to the steady state NaN: there is none, yet the equations may do
-/// without.
+/// Sets all references to the missing steady state to NaN, which the equations may not need.
 pub fn forget(system: &mut CompiledSystem) {
     for part in PARTS {
         system.region_mut(Region::Steady(part)).fill(f64::NAN);
@@ -202,7 +201,7 @@ pub fn solve(
     solve_held(system, catalogue, actions, &held, &[], y)
 }
 
-/// A value in place of the one that the model computes: its region, its place there, the value.
+/// A value instead of the one that the model computes: its region, its place there, the value.
 pub type GivenValue = (Region, usize, f64);
 
 /// As [`solve`], with conditions, and with discrete variables or disturbances held at given values.
@@ -354,8 +353,8 @@ pub fn others(system: &CompiledSystem, catalogue: &Catalogue, actions: &[f64], h
     found
 }
 
-/// Returns `true` if two points have the same values of some states and solved variables, as far as
-/// steady states are told apart.
+/// Returns `true` if two points have the same values of some states and solved variables, to the
+/// tolerance for distinct steady states.
 #[must_use]
 pub fn is_same(elements: &[Element], a: &[f64], b: &[f64]) -> bool {
     elements.iter().all(|e| {

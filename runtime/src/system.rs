@@ -280,7 +280,7 @@ fn root_kind(kind: &WatchKind, roots: &[Root]) -> RootKind {
     RootKind { strict: kind.strict, both, role, bounded: kind.bounded }
 }
 
-/// The present values that a frame keeps beside `y`.
+/// The present values that a frame keeps in addition to `y`.
 const PRESENT: [(Part, Region); 3] =
     [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)];
 

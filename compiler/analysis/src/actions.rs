@@ -157,7 +157,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Writes a statement on a line of its own after the one at the place.
+    /// Writes a statement on a new line after the one at the place.
     fn add_statement(&mut self, statement: &str) {
         let at = self.end_of_statement();
         let next = self.text[at..].find('\n').map_or(self.text.len(), |end| at + end + 1);

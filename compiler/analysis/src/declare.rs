@@ -16,7 +16,7 @@ pub(crate) fn site(name: &Ident, declaration: Span) -> Site {
 }
 
 impl Declarer<'_> {
-    /// Sets come first: a table over a name that is no set declares one.
+    /// Sets come first, since a table over an undeclared name declares a set.
     pub(crate) fn sets(&mut self, statements: &[Statement], within: Option<SymbolId>) {
         for statement in statements {
             match &statement.kind {

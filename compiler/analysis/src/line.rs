@@ -355,8 +355,7 @@ fn statement_start(text: &str, tokens: &[Token]) -> usize {
             return i;
         }
         let open = matches!(word(i), "{") && depth == 0 && !before_is_block(text, tokens, i);
-        // A line end outside of brackets ends the statement, and so does the brace of a block of
-        // statements.
+        // A line end outside of brackets or the brace of a block of statements ends the statement.
         if depth == 0 && (tokens[i].kind == TokenKind::Newline && !is_open(text, &tokens[..i]) && !continues(word(i + 1)) || open) {
             return i + 1;
         }

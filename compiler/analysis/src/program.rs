@@ -172,8 +172,7 @@ impl Program {
         self.files.first().is_some_and(|main| main.tree.statements.iter().any(is_model))
     }
 
-    /// Returns whether the text is a library file: it declares components for others and is no
-    /// model of its own.
+    /// Returns whether the text is a library file, which declares components but not a model.
     #[must_use]
     pub fn is_library(&self) -> bool {
         let declares = |s: &Statement| matches!(s.kind, StatementKind::Component { .. } | StatementKind::Connector { .. });

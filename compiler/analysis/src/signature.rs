@@ -14,7 +14,7 @@ pub struct Signature {
     pub label: String,
     /// Meaning.
     pub text: String,
-    /// Arguments as they stand in the label.
+    /// Arguments as they appear in the label.
     pub arguments: Vec<String>,
     /// Number of the argument at the position.
     pub active: usize,

@@ -51,7 +51,7 @@ pub enum SymbolKind {
     Index,
     /// A set of observations.
     Level,
-    /// An observation with a name of its own.
+    /// An observation with its own name.
     Observation,
     /// A reward.
     Reward,
@@ -225,7 +225,7 @@ impl Symbol {
 #[derive(Clone, Debug, Default)]
 pub struct Symbols {
     list: Vec<Symbol>,
-    /// Units by symbol: a name space of their own.
+    /// Units by symbol, a separate name space.
     units: HashMap<String, SymbolId>,
     own: OwnUnits,
     by_name: HashMap<(Option<SymbolId>, bool), HashMap<String, SymbolId>>,
@@ -243,7 +243,7 @@ impl Symbols {
         self.list.iter().enumerate().map(|(i, symbol)| (SymbolId(i as u32), symbol))
     }
 
-    /// The symbol of a name in one scope; those that expressions use are a name space of their own.
+    /// The symbol of a name in one scope; those that expressions use are a separate name space.
     #[must_use]
     pub fn find(&self, within: Option<SymbolId>, value: bool, name: &str) -> Option<SymbolId> {
         let own = |within| self.by_name.get(&(within, value)).and_then(|names| names.get(name).copied());

@@ -68,13 +68,13 @@ fn measure(text: &str, first: char) -> (Option<TokenKind>, usize) {
     }
 }
 
-/// Returns whether a character may stand in a name.
+/// Returns whether a character may occur in a name.
 #[must_use]
 pub fn is_word(character: char) -> bool {
     character.is_ascii_alphanumeric() || character == '_'
 }
 
-/// Bytes of the word around or just before an offset; empty at the offset where there is none.
+/// Bytes of the word around or just before an offset; empty at the offset without a word.
 #[must_use]
 pub fn word_at(text: &str, offset: usize) -> Range<usize> {
     let offset = text.floor_char_boundary(offset.min(text.len()));

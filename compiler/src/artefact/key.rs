@@ -7,12 +7,12 @@ use std::{env, process};
 
 use super::ArtefactError;
 
-/// Secret of a user, known to nobody else; printed by nothing.
+/// Secret of a user, unknown to others and never printed.
 pub struct Key([u8; blake3::KEY_LEN]);
 
 impl Key {
-    /// The key of this user at `$XDG_DATA_HOME/smpl/key` or `~/.local/share/smpl/key`, made when
-    /// there is none.
+    /// The key of this user at `$XDG_DATA_HOME/smpl/key` or `~/.local/share/smpl/key`, made if it
+    /// is missing.
     ///
     /// # Errors
     /// If no home is known, the file cannot be read or made, or others may read it.
@@ -22,10 +22,10 @@ impl Key {
         Key::at(&data.ok_or(ArtefactError::NoHome)?.join("smpl/key"))
     }
 
-    /// The key in a file, made when there is none.
+    /// The key in a file, made if it is missing.
     ///
     /// # Errors
-    /// If the file cannot be read or made, is no key, or others may read it.
+    /// If the file cannot be read or made, is not a key, or others may read it.
     pub fn at(path: &Path) -> Result<Key, ArtefactError> {
         let made = || match read(path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => make(path).and_then(|()| read(path)),

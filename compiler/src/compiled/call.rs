@@ -38,9 +38,9 @@ impl CompiledModel {
         };
         let work = memory.all_mut().as_mut_ptr();
         // SAFETY: the code stays within the lengths of `y`, `y'`, output and workspace that it was
-        // generated for (`schedule::blocks` checks every address against its variable's extent),
-        // and the public functions assert those lengths; null stands for what it was generated not
-        // to touch. It writes to output and workspace, which are borrowed exclusively, and to `y`
+        // generated for. `schedule::blocks` checks every address against its variable's extent, and
+        // the public functions assert those lengths. Null is passed for memory that the code does
+        // not touch. It writes to output and workspace, which are borrowed exclusively, and to `y`
         // only in functions that take it mutably.
         unsafe { code(t, factor, y, yp, work, out, &raw const self.surroundings) }
     }
@@ -125,7 +125,7 @@ impl CompiledModel {
         self.evaluate(Function::Quadratures, m, (t, 0.0), (y, yp), out);
     }
 
-    /// The first time from `t` on at which an equation changes its form; infinite if there is none.
+    /// The first time from `t` on at which an equation changes its form; infinite if it never does.
     pub fn next_break(&self, m: &mut Memory, t: f64) -> f64 {
         if !self.has_breaks() {
             return f64::INFINITY;

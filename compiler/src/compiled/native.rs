@@ -43,7 +43,7 @@ impl Native {
         let executable = Executable::new(&bytes)?;
         let addresses = (0..codes.len()).filter_map(|piece| executable.address(piece));
         // SAFETY: at the address begins code that was generated with this signature; it is mapped
-        // as long as `executable` lives beside it.
+        // as long as `executable` lives.
         let pieces = addresses.map(|address| unsafe { std::mem::transmute::<*const u8, CompiledFn>(address) }).collect();
         Ok(Native { pieces, layout: Arc::new(Layout::new(&model.parts.model, columns)), len, _executable: executable })
     }
@@ -71,8 +71,9 @@ impl Native {
         let work = memory.all_mut().as_mut_ptr();
         for code in &self.pieces {
             // SAFETY: the code stays within the lengths that it was generated for, which are
-            // asserted above; it writes to the output and the workspace, which are borrowed
-            // exclusively, and to `y` never: no nest of such a staged program stores there.
+            // asserted above. It writes to the output and the workspace, which are borrowed
+            // exclusively. It never writes to `y`, since no nest of such a staged program stores
+            // there.
             unsafe { code(t, 1.0, y.as_ptr().cast_mut(), yp.as_ptr(), work, out.as_mut_ptr(), surroundings) }
         }
     }

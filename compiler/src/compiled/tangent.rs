@@ -269,7 +269,7 @@ impl CompiledModel {
         Ok(Entries { native, places, sources })
     }
 
-    /// Returns `true` if an equation reads each unknown itself, beside its rate.
+    /// Returns `true` if an equation reads each unknown itself, in addition to its rate.
     ///
     /// # Errors
     /// If an equation cannot be differentiated.

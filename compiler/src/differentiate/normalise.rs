@@ -1,21 +1,21 @@
-//! Rows before they are differentiated: each reduction with a counter of its own, short ones
+//! Rows before they are differentiated: each reduction has its own counter, short ones are
 //! unrolled.
 
 use super::{ColumnOf, DifferentiateError};
 use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, LoopVar, MAX_DEPTH, ReduceFn, UnaryFn};
 
-/// Reductions that are no sums are unrolled up to this many iterations to be differentiated; longer
+/// Reductions other than sums are unrolled up to this many iterations to be differentiated; longer
 /// ones stay loops.
 const LONGEST_UNROLLED: u32 = 64;
-/// Counters beside its own that the derivative of a long reduction needs.
+/// Counters in addition to its own that the derivative of a long reduction needs.
 const TWINS: u8 = 2;
 /// Sums are unrolled up to this many iterations, if the result stays small.
 const SHORT_SUM: u32 = 8;
 /// Largest number of nodes of a sum that is unrolled.
 const SHORT_SUM_NODES: usize = 256;
 
-/// Brings the reductions of a row into the form that [`super::entries`] wants: each binds a counter
-/// that is free in its surroundings, short sums and other reductions over what depends on the
+/// Brings the reductions of a row into the form that [`super::entries`] needs. Each binds a counter
+/// that is free in its surroundings; short sums and other reductions over what depends on the
 /// columns are unrolled.
 ///
 /// # Errors
@@ -51,7 +51,7 @@ fn renumber(
                 Some(body)
             }
         },
-        // Nothing that follows looks at it.
+        // Later code does not read it.
         Expr::Unary(UnaryFn::Smooth, a) => match renumber(exprs, a, map, next, column_of) {
             Ok(inner) => Some(inner),
             Err(error) => {

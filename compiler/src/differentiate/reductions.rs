@@ -31,7 +31,7 @@ impl Differentiator<'_, '_> {
         let (hit, equal) = (x.compare(Compare::Eq, body, value), x.compare(Compare::Eq, first, value));
         let each = x.select(equal, one, zero);
         let count = x.reduce(ReduceFn::Sum, counted, extent, each);
-        // There is one at least, unless the value is no number.
+        // There is at least one, unless the value is not a number.
         let count = x.binary(BinaryFn::Max, count, one);
         let share = x.div(one, count);
         let nothing = self.nothing.clone();

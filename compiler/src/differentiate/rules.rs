@@ -1,4 +1,4 @@
-//! The chain rule. Slopes of functions of one number stand with these, in [`crate::ir::slope`].
+//! The chain rule. Slopes of functions of one number are in [`crate::ir::slope`].
 
 use super::terms::{Differentiator, Terms};
 use crate::ir::{BinaryFn, Compare, ExprId, Slope, UnaryFn, slope};

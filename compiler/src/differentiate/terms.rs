@@ -138,7 +138,7 @@ impl Differentiator<'_, '_> {
         })
     }
 
-    /// A factor must not reach what is not chosen: infinity times 0 is no number.
+    /// A factor must not reach what is not chosen: infinity times 0 is NaN.
     pub(super) fn select(&mut self, c: ExprId, a: &Terms, b: &Terms) -> Terms {
         let zero = self.exprs.constant(0.0);
         let (a, b) = (self.expanded(a), self.expanded(b));

@@ -24,7 +24,7 @@ const MAX_NESTING: u32 = 500;
 /// Most members of all sets of numbers together: each has a label.
 const MAX_MEMBERS: i64 = 2_000_000;
 
-/// Most numbers that are observed or stand in boxes: each has a name.
+/// Most numbers that are observed or in boxes: each has a name.
 const MAX_NAMED: usize = 1_000_000;
 
 /// Used work.
@@ -34,7 +34,7 @@ pub(in crate::elaborate) struct Budget {
     nesting: u32,
     /// Members of sets of numbers so far.
     members: i64,
-    /// Numbers that are observed or stand in boxes so far.
+    /// Numbers that are observed or in boxes so far.
     named: usize,
     /// Terms, elements and calls unrolled so far.
     written_out: u32,
@@ -50,9 +50,9 @@ pub(in crate::elaborate) struct Budget {
 pub(in crate::elaborate) enum Verdict {
     /// It may.
     Granted,
-    /// It may not, which is to be said.
+    /// It may not, which must be reported.
     Refused(Box<Diagnostic>),
-    /// It may not, which was said.
+    /// It may not, which was reported.
     Spent,
 }
 
@@ -62,9 +62,9 @@ pub(in crate::elaborate) fn is_spent(work: u32) -> bool {
 }
 
 impl Budget {
-    /// Counts something that is unrolled: a term, an element, a call. Refused where the model is
-    /// beyond reason, once; in an `attempt` to keep a loop the model is given up, since what is too
-    /// much in one pass of a loop is too much without the loop as well.
+    /// Counts something that is unrolled: a term, an element, a call. Refused once if the model
+    /// exceeds the budget. In an `attempt` to keep a loop the model is given up, since a pass that
+    /// is too large for a loop is also too large without it.
     pub(in crate::elaborate) fn write_out(&mut self, span: Span, attempt: bool) -> Verdict {
         if self.exhausted.is_some() {
             return Verdict::Spent;
@@ -111,7 +111,7 @@ impl Budget {
         self.work = work;
     }
 
-    /// Counts a report; `false` where nothing is said any more.
+    /// Counts a report; `false` if reports have ended.
     pub(in crate::elaborate) fn may_report(&mut self) -> bool {
         self.work = self.work.saturating_add(REPORT);
         self.exhausted.is_none()

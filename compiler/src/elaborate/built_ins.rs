@@ -1,7 +1,7 @@
 //! Declarations that take the place of built-in names.
 //!
-//! What is declared goes before what is built in, so that a model may call a parameter `n`; the
-//! built-in meaning is gone then wherever the declaration is seen, which is said.
+//! Declared names precede built-in ones, so that a model may call a parameter `n`. The built-in
+//! meaning is then hidden in the scope of the declaration, with a report.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Ident, Statement, StatementKind, TimeTable};
@@ -65,8 +65,8 @@ impl Ledger {
         }
     }
 
-    /// Warns of declarations of a block that take the place of built-in names. An array and what is
-    /// no number do not: without an index they are faults, which say so.
+    /// Warns of declarations of a block that take the place of built-in names. An array and other
+    /// values do not: without an index they are faults with their own reports.
     pub(in crate::elaborate) fn check_built_ins(&mut self, list: &[Item<'_>]) {
         for item in list {
             match item {
@@ -81,8 +81,7 @@ impl Ledger {
         }
     }
 
-    /// A name that is no function hides no function: `min` by itself and `min(a, b)` are told
-    /// apart.
+    /// A name of another kind hides no function: `min` by itself and `min(a, b)` are distinct.
     pub(in crate::elaborate) fn warn_of_name(&mut self, name: &Ident) {
         let Some((_, meaning, other)) = built_in(&name.text) else { return };
         self.warn_of_built_in(name, &format!("built-in name for {meaning}"), *other);

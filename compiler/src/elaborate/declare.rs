@@ -274,7 +274,7 @@ impl<'a> Declaring<'_, 'a> {
     }
 
     /// An instance for each member of a set, or for each combination of members; `None`, and a
-    /// report, where they are too many or what counts them is no set.
+    /// report, if they are too many or not counted by a set.
     fn row_of_instances(
         &mut self,
         statement: &'a Statement,
@@ -329,7 +329,7 @@ impl<'a> Declaring<'_, 'a> {
         Some(out)
     }
 
-    /// Declares what an instance holds, in a scope of its own.
+    /// Declares what an instance holds, in a new scope.
     pub(in crate::elaborate::declare) fn instantiate(
         &mut self,
         statement: &'a Statement,

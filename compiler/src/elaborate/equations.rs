@@ -156,7 +156,7 @@ fn form(l: &mut Lowering<'_, '_>, left: ExprId, right: ExprId) -> EquationForm {
             Node::Load { var, flavour: Flavour::Derivative, at } if l.symbols.vars[var].role == Role::State => {
                 return EquationForm::Rate { var, at, value };
             }
-            // What determines a rate is no definition: `M * d/dt x = v`.
+            // An equation that determines a rate is not a definition: `M * d/dt x = v`.
             Node::Load { var, flavour: Flavour::Value, at }
                 if l.symbols.vars[var].role == Role::Algebraic && !l.exprs.has_derivative(value) =>
             {

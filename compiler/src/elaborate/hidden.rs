@@ -1,5 +1,4 @@
-//! Variables that nothing declares: random numbers, integrals over the step, what the runtime
-//! tells.
+//! Undeclared variables: random numbers, integrals over the step, values from the runtime.
 
 use cranelift_entity::PrimaryMap;
 use smpl_dsl::span::Span;
@@ -113,7 +112,7 @@ impl Hidden {
         Hidden { builtins, param_given, draws, quadratures, delays, held, regular: None, steady: false }
     }
 
-    /// Elements of the arrays: what tells whether an attempt has added some.
+    /// Elements of the arrays, which show whether an attempt has added some.
     pub(in crate::elaborate) fn len(&self) -> (usize, usize, usize) {
         (self.draws.list.len(), self.quadratures.list.len(), self.delays.list.len())
     }

@@ -20,7 +20,7 @@ pub(in crate::elaborate) struct Ledger {
 }
 
 impl Ledger {
-    /// Reports a fault, unless it was said or nothing is said any more.
+    /// Reports a fault, unless it was reported or reports have ended.
     pub(in crate::elaborate) fn report(&mut self, diagnostic: Diagnostic) {
         if self.budget.may_report() {
             self.reports.report(diagnostic, self.speculation.is_active());

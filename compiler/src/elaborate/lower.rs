@@ -1,8 +1,8 @@
 //! Expressions over symbols: names, indices, calls, reductions and units, from the text to nodes.
 //!
-//! What stands in an expression decides what it means, so the files of this room and of
-//! [`super::space`] call one another as the grammar does; nothing else is inside of that recursion.
-//! The symbols are frozen: nothing is declared here.
+//! The meaning of an expression depends on its parts, so the files of this room and of
+//! [`super::space`] call one another as the grammar does. No other code takes part in that
+//! recursion. The symbols are frozen: nothing is declared here.
 
 pub(in crate::elaborate) mod binders;
 pub(in crate::elaborate) mod bounded;
@@ -137,7 +137,7 @@ impl<'m, 'a> Lowering<'m, 'a> {
         Lowering { input, symbols, instances, ledger, exprs, constants, expansions, hidden, loops, fluxes, grids, quantities, names }
     }
 
-    /// Symbols of variables and outputs in the order of the text, instances where they stand.
+    /// Symbols of variables and outputs in the order of the text, instances at their places.
     pub(in crate::elaborate) fn in_text_order(&self) -> Vec<SymbolId> {
         let mut out = Vec::new();
         let blocks = self.instances.blocks.iter().map(|(scope, items)| (*scope, items.as_slice())).collect();

@@ -29,7 +29,7 @@ pub struct Notes {
 }
 
 impl Observer {
-    /// An observer with notes of its own that is cancelled together with this one.
+    /// An observer with its own notes that is cancelled together with this one.
     #[must_use]
     pub fn apart(&self) -> Observer {
         Observer { cancelled: Arc::clone(&self.cancelled), ..Observer::default() }

@@ -32,7 +32,7 @@ pub struct Options {
     pub max_steps: Option<u32>,
     /// Names of the tests to compile with the model.
     pub tests: Option<Vec<String>>,
-    /// Look for what is allowed but hardly meant, too.
+    /// Also report lints.
     pub lints: bool,
     /// Ends the elaboration early, and receives notes for editors.
     pub observer: Option<Observer>,

@@ -71,7 +71,7 @@ pub(in crate::elaborate) fn check_range(l: &mut Lowering<'_, '_>, symbol: Symbol
     let message = outside_bounds(quantity, i, value(i));
     let (scope, declared) = (l.symbols[symbol].scope, l.symbols[symbol].span);
     let SymbolKind::Variable { declaration, .. } = &l.symbols[symbol].kind else { return };
-    // A value of a wrong unit is told as such.
+    // A value of a wrong unit is reported as such.
     if l.ledger.reports.diagnostics.iter().any(|d| declaration.span.contains(d.primary.span)) {
         return;
     }

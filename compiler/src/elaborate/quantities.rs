@@ -131,7 +131,7 @@ fn default(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, role: Role) -> Vec
     numbers
 }
 
-/// The lower and the upper bounds, infinite where there are none.
+/// The lower and the upper bounds, infinite if undeclared.
 fn bounds(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: &str) -> (Vec<f64>, Vec<f64>) {
     let bounds = declared.declaration.bounds.as_ref();
     let low = declared_number(l, declared, unit, bounds.map(|b| &b.0), f64::NEG_INFINITY);
@@ -145,7 +145,7 @@ fn bounds(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: 
     (low, high)
 }
 
-/// The declared scale; where there is none, the width between finite bounds, or one.
+/// The declared scale; otherwise the width between finite bounds, or one.
 fn scale(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, path: &str, (low, high): (&[f64], &[f64])) -> Vec<f64> {
     let difference = units::difference(unit);
     let given = declared.declaration.scale.as_ref();
@@ -183,7 +183,7 @@ fn numbers(l: &mut Lowering<'_, '_>, var: VarId, pieces: Vec<Piece<(Affine, Expr
     out
 }
 
-/// The numbers of a bound or a scale; `absent` where there is none.
+/// The numbers of a bound or a scale; `absent` if it is undeclared.
 fn declared_number(l: &mut Lowering<'_, '_>, declared: &Declared<'_>, unit: &Unit, e: Option<&Expr>, absent: f64) -> Vec<f64> {
     let Some(e) = e else { return vec![absent] };
     let &Declared { symbol, var, axes, declaration: d } = declared;

@@ -14,7 +14,7 @@ const MAX_COMPARED: usize = 3_000_000;
 /// Code and place of a fault, and its message where calls lead there.
 type Reported = (Code, Span, Option<String>);
 
-/// Diagnostics, and what tells a new one from one that was said before.
+/// Diagnostics, and the keys that distinguish new ones from reported ones.
 #[derive(Debug, Default)]
 pub(in crate::elaborate) struct Reports {
     /// All of them.
@@ -65,8 +65,8 @@ impl Reports {
         }
     }
 
-    /// Reports a fault of a name that was asked for. Several may share the place (none): they are
-    /// told apart by their text.
+    /// Reports a fault of a name that was asked for. Several may share the place (none): their text
+    /// distinguishes them.
     pub(in crate::elaborate) fn scenario_fault(&mut self, name: &str, message: String, help: Option<String>) {
         self.diagnostics.push(scenario_fault(name, message, help));
     }
@@ -98,7 +98,7 @@ impl Reports {
         }
     }
 
-    /// Returns `true` if one more diagnostic would be shown, so that a search for what was meant is
+    /// Returns `true` if one more diagnostic would be shown, so that a search for suggestions is
     /// worth its time.
     pub(in crate::elaborate) fn may_suggest(&self) -> bool {
         self.diagnostics.has_room() && self.compared.get() < MAX_COMPARED
@@ -144,7 +144,7 @@ fn reported(diagnostic: &Diagnostic, in_call: bool) -> Reported {
     (diagnostic.code, diagnostic.primary.span, in_call.then(|| diagnostic.message.clone()))
 }
 
-/// A fault of a name that was asked for, which stands in no text.
+/// A fault of a requested name, which has no place in a text.
 pub(in crate::elaborate) fn scenario_fault(name: &str, message: String, help: Option<String>) -> Diagnostic {
     Diagnostic::error(codes::BAD_SCENARIO, message, Span::default()).maybe_help(help).asked(name)
 }

@@ -1,7 +1,7 @@
 //! Space: grids, values at faces, fluxes, divergence.
 //!
 //! Face `k` lies below cell `k` (both counted from 0): faces 0 and `n` are the ends. A flux is
-//! evaluated at a face; the divergence of a cell takes the fluxes of its two faces, weighted with
+//! evaluated at a face. The divergence of a cell takes the fluxes of its two faces, weighted with
 //! their areas, over the cell's measure, so that sums over cells telescope.
 
 pub(in crate::elaborate) mod backwards;

@@ -6,8 +6,8 @@ use super::expansions::{Expansion, Expansions};
 use super::lower::reads::Reads;
 use super::reports::{Mark, Reports};
 
-/// Most passes of all loops over ranges together: more are refused, since nobody would wait for an
-/// evaluation, and to write them out takes more.
+/// Most passes of all loops over ranges together: more are refused, since an evaluation would take
+/// too long, and unrolled loops take longer.
 const MOST_PASSES: i64 = 20_000_000;
 
 /// The state of attempts.
@@ -75,7 +75,7 @@ impl Speculation {
         self.depth += 1;
     }
 
-    /// Enters something that may be forgotten, without a verdict of its own.
+    /// Enters something that may be forgotten, without its own verdict.
     pub(in crate::elaborate) fn enter(&mut self) {
         self.depth += 1;
     }

@@ -98,7 +98,7 @@ pub(super) enum SymbolKind<'a> {
     Phase(SetId),
     /// The independent variable.
     Time,
-    /// Something whose declaration is at fault; its uses are not reported.
+    /// Something whose declaration is invalid; its uses are not reported.
     Faulty,
 }
 
@@ -258,7 +258,7 @@ pub(super) enum Geometry {
 pub(super) struct Domain<'a> {
     /// Name of the domain and of its index.
     pub name: String,
-    /// Scope in which its expressions stand.
+    /// Scope of its expressions.
     pub scope: ScopeId,
     /// The declaration.
     pub declaration: &'a smpl_dsl::syntax::Domain,

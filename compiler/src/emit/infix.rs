@@ -4,7 +4,7 @@ use super::COUNTERS;
 use crate::ir::{Affine, BinaryFn, Compare, Expr, ExprId, FastMap, Flavour, MAX_DEPTH, Side, VarId};
 use crate::model::Model;
 
-/// Longer parts get a name of their own.
+/// Longer parts get their own name.
 const LONGEST: usize = 100;
 
 /// Binding strength of an operation.
@@ -69,7 +69,7 @@ impl<'m> Printer<'m> {
         format!("%{}{arguments}", expr.as_u32())
     }
 
-    /// A part, in parentheses if it binds less tightly than its place wants.
+    /// A part, in parentheses if it binds less tightly than its place requires.
     fn text(&self, expr: ExprId, wanted: Tightness) -> String {
         match self.done.get(&expr) {
             Some((text, tightness)) if *tightness >= wanted => text.clone(),

@@ -89,7 +89,7 @@ impl File<'_> {
         ]
     }
 
-    /// Functions whose outputs have names that are no elements of the above.
+    /// Functions whose outputs have names other than the elements above.
     fn labelled(&self) -> impl Iterator<Item = &Function> {
         let listed = ["residual", "rates", "algebraic", "jacobian", "outputs", "partials", "next_break"];
         self.sheet.functions.iter().filter(move |f| !f.update && !listed.contains(&f.name.as_str()))

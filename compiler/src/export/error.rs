@@ -51,7 +51,7 @@ pub enum ExportError {
         /// The name without its ending.
         name: String,
     },
-    /// An FMU is no text.
+    /// An FMU is not a text.
     #[error("an FMU is an archive: `smpl export FILE --to fmu -o NAME.fmu` or `smpl.export.fmu(model, path)` writes it")]
     Archive,
     /// An equation cannot be differentiated.

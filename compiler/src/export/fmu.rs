@@ -2,7 +2,7 @@
 //! model, an integrator and the interface.
 //!
 //! The sources are those of the C export, with derivatives for directional derivatives, and files
-//! of C that are the same for every model (`fmu/sources`), which read tables that are written here.
+//! of C that are the same for every model (`fmu/sources`). These read tables that are written here.
 
 mod description;
 mod order;
@@ -124,7 +124,7 @@ fn token(description: &str, sources: &[(String, String)]) -> String {
     format!("{{{}}}", &hex[..32])
 }
 
-/// Returns `true` if an FMU calls a function. It has start values in place of the programs that
+/// Returns `true` if an FMU calls a function. It has start values instead of the programs that
 /// compute them.
 fn is_carried(function: &Function) -> bool {
     let left_out = ["rewards", "successes", "constraints", "invariants", "integrals", "boxes", "initial_states", "initial_discretes"];

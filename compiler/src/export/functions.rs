@@ -246,8 +246,8 @@ pub(super) fn spread(all: &Loops, some: &Loops, positions: &[u32]) -> Vec<u32> {
     places(all, |counters| positions[index.at(counters) as usize])
 }
 
-/// Returns `true` if what an update stores is what another pass of the same nest reads: then its
-/// passes are no array operation.
+/// Returns `true` if an update stores what another pass of the same nest reads, so that its passes
+/// are not an array operation.
 pub(super) fn is_sequential(sheet: &Sheet, nest: &Nest) -> bool {
     let stored: Vec<Array> = nest.stores.iter().filter_map(|s| s.array).collect();
     let mut sequential = nest.stores.iter().any(|s| {

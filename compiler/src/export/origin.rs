@@ -4,7 +4,7 @@ use crate::artefact::Circumstances;
 
 /// Description of an export in addition to its model.
 pub struct Origin<'a> {
-    /// Scenario, variants and settings in words; empty for the model as it stands.
+    /// Scenario, variants and settings in words; empty for the unchanged model.
     pub made_for: &'a str,
     /// The same for programs: JSON holds it.
     pub circumstances: &'a Circumstances,

@@ -1,10 +1,10 @@
 //! The functions of a model with the arrays that they read and write: what the generators of code
 //! have in common.
 //!
-//! Every variable of the model becomes a part of one of a few vectors in public order: `y` (states,
-//! then solved algebraic variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses
-//! stay affine in loop counters inside of the model; what they are in public order is said element
-//! by element ([`Sheet::read`]), and each printer finds the shortest way to write that.
+//! Every variable of the model becomes a part of a few vectors in public order: `y` (states, then
+//! solved algebraic variables) with `y'`, actions `u`, parameters `p`, context `c`. Addresses stay
+//! affine in loop counters inside of the model. [`Sheet::read`] has their public order element by
+//! element, and each printer finds the shortest form of it.
 
 use super::{Element, ExportError, Families, Nominal};
 use crate::differentiate::pattern::each;
@@ -74,8 +74,8 @@ pub(super) struct Function {
     pub outputs: Vec<Label>,
 }
 
-/// Functions that an integrator calls: what they need beside states, actions and parameters becomes
-/// a part of `p`.
+/// Functions that an integrator calls: what they need in addition to states, actions and parameters
+/// becomes a part of `p`.
 pub(super) fn is_dynamic(name: &str) -> bool {
     matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian")
 }
@@ -89,7 +89,7 @@ pub(super) struct Read {
     pub positions: Vec<u32>,
 }
 
-/// Passes of the loops around, by counter; 0 where there is none.
+/// Passes of the loops around, by counter; 0 without a loop.
 pub(super) type Extents = [u32; MAX_DEPTH];
 
 /// An element of a copy of a variable.
@@ -226,8 +226,8 @@ impl Sheet {
         elements.map(|(id, v, i)| extra_element(numbered(&v.name, i, v.len), nominal.value(id, Flavour::Value, i), (id, i))).collect()
     }
 
-    /// Values that functions read in addition to states, actions and parameters: in `p` where an
-    /// equation or an output needs it, else in `c`; the copy of a variable is not torn apart.
+    /// Values that functions read in addition to states, actions and parameters: in `p` if an
+    /// equation or an output needs them, else in `c`. The copy of a variable is not divided.
     pub(super) fn find_extra(&mut self, nominal: &Nominal<'_>) {
         let mut found: [Vec<(VarId, Flavour, u32)>; 2] = [vec![], vec![]];
         for function in &self.functions {

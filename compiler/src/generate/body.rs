@@ -226,7 +226,7 @@ impl Emitter<'_> {
                 let a = self.operand(block, a);
                 arithmetic::look_up(self, block, list_entry(), a, list)
             }
-            // Reductions are items of their own.
+            // Reductions are separate items.
             Expr::Reduce { .. } => self.number(block, f64::NAN),
         }
     }

@@ -149,9 +149,8 @@ impl Emitter<'_> {
         self.two_numbers(x)
     }
 
-    /// A constant in the lanes of a block, to be held in a register: in long code read from memory,
-    /// where it would else pass through a register for whole numbers (the mid-end, which long code
-    /// goes without, would share it over calls).
+    /// A constant in the lanes of a block, to be held in a register. Long code, which skips the
+    /// mid-end, reads it from memory, since it would otherwise pass through an integer register.
     pub(super) fn held_number(&mut self, block: BlockId, x: f64) -> Value {
         if self.is_two(block) || !self.input.lean || !cfg!(target_arch = "x86_64") || x.to_bits() == 0 {
             return self.number(block, x);

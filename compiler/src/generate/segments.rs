@@ -2,9 +2,9 @@
 //!
 //! The register allocator's time grows faster than the number of values that are alive at once, and
 //! what does not fit into registers ends in memory anyway. So a value lives in registers within one
-//! segment only: what a later segment needs is stored once where it is computed and loaded again
-//! where it is used; elements of variables are simply loaded again. Without, code generation of
-//! models with some thousand operations takes a quarter longer, and the code is no faster.
+//! segment only. What a later segment needs is stored once where it is computed and loaded again
+//! where it is used; elements of variables are simply loaded again. Without it, code generation of
+//! models with some thousand operations takes a quarter longer for code of the same speed.
 
 use crate::ir::{BinaryFn, Expr, ExprId, Exprs, FastMap};
 use crate::schedule::{BlockId, Item, Schedule, is_immediate};

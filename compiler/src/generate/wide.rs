@@ -1,9 +1,9 @@
 //! Innermost loops, two lanes at a time.
 //!
-//! Elementary functions are taken out of the loop: the loop is split into phases, a phase writes
-//! the arguments of the functions to columns of working memory, array kernels are applied to whole
-//! columns, the next phase goes on. What an earlier phase computed and a later one needs is kept in
-//! a column too; loads are repeated.
+//! Elementary functions are taken out of the loop, which is split into phases. A phase writes the
+//! arguments of the functions to columns of working memory, array kernels are applied to whole
+//! columns, and the next phase continues. What an earlier phase computed and a later one needs is
+//! kept in a column too; loads are repeated.
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
 use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};

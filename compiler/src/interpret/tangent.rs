@@ -2,9 +2,8 @@
 //! (forward automatic differentiation).
 //!
 //! For what runs once a step or at an event: updates, resets, rewards, observations, root
-//! functions. Comparisons decide by values and have no derivative, as on either side of what they
-//! compare; where a derivative is infinite (`sqrt(x)` at 0) it is zero, as everywhere in the
-//! compiler.
+//! functions. Comparisons decide by values and have no derivative. Where a derivative is infinite
+//! (`sqrt(x)` at 0) it is zero, as everywhere in the compiler.
 
 use super::{Destination, Operand, Run, Tape};
 use crate::ir::{Affine, Arithmetic, BinaryFn, Expr, MAX_DEPTH, ReduceFn, Slope, UnaryFn, slope};

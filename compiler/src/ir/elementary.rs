@@ -1,5 +1,5 @@
-//! The elementary functions, those of one number: one table, in which each stands with what works
-//! it out and with its names in other languages, and the rules of their derivatives.
+//! The elementary functions, those of one number: one table of their kernels, their names in other
+//! languages, and the rules of their derivatives.
 
 use serde::{Deserialize, Serialize};
 
@@ -116,7 +116,7 @@ const SIGN: Defined = Defined {
 }
 
 ",
-    // One that can be smooth, and an alias, stand with the others of their kind.
+    // One that can be smooth, and an alias, are next to the others of their kind.
     ..NOTHING
 };
 

@@ -45,7 +45,7 @@ impl Exprs {
 /// most walks.
 const FEW: u32 = 1 << 16;
 
-/// The nodes that a walk has met; operands stand before their users.
+/// The nodes that a walk has met; operands precede their users.
 enum Seen {
     /// One bit a node.
     Bits(Vec<u64>),

@@ -1,4 +1,4 @@
-//! Long lists of numbers beside the nodes: what a table over time with many points is looked up in.
+//! Long lists of numbers, stored separately from the nodes: points of long tables over time.
 
 use std::ops::Range;
 
@@ -75,7 +75,7 @@ impl Lists {
         List { first, len }
     }
 
-    /// A list of ascending limits. Negative infinity stands before it and infinity behind it, for
+    /// A list of ascending limits. Negative infinity precedes it and infinity follows it, for
     /// [`before`] and [`behind`].
     pub(crate) fn add_limits(&mut self, limits: &[f64]) -> List {
         let mut between = Vec::with_capacity(limits.len() + 2);

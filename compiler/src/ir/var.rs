@@ -1,4 +1,4 @@
-//! Variables of the flat model: ids, roles, and what the runtime tells.
+//! Variables of the flat model: ids, roles, and values from the runtime.
 
 use cranelift_entity::entity_impl;
 use serde::{Deserialize, Serialize};

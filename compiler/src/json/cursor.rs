@@ -13,7 +13,7 @@ pub(super) const MAX_ELEMENTS: usize = 50_000_000;
 /// Reason why a text is not a model.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {
-    /// It is no JSON.
+    /// It is not JSON.
     #[error("not JSON: {0}")]
     Syntax(String),
     /// Another form, or another version of it.

@@ -259,7 +259,7 @@ fn finish(at: &At<'_>) -> Result<Finish, ReadError> {
     })
 }
 
-/// The index of the reward that is named; no reward needs to be named where there is none.
+/// The index of the named reward; a model without rewards needs no name.
 fn default_reward(at: &At<'_>, rewards: &[Reward]) -> Result<u32, ReadError> {
     if at.is_null() && rewards.is_empty() {
         return Ok(0);

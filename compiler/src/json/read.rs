@@ -395,7 +395,7 @@ fn counters(mut pass: u64, extents: &[u32]) -> [i64; MAX_DEPTH] {
     counters
 }
 
-/// The single numbers follow from the quantities; one that says otherwise is no help to anybody.
+/// The single numbers follow from the quantities, so that contradictions are refused.
 fn check_elements(at: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let layout = Layout::new(model, 0);
     let nominal = Nominal { layout: &layout, y: &[], work: &[], outputs: &[] };

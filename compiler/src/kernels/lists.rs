@@ -9,8 +9,8 @@ pub fn passed(limits: &[f64], up_to: bool, x: f64) -> f64 {
     limits.partition_point(|&limit| if up_to { limit <= x } else { limit < x }) as f64
 }
 
-/// The number at an index, the first or the last beyond the ends; NaN for an index that is none, or
-/// where there are no numbers.
+/// The number at an index, the first or the last beyond the ends; NaN for a NaN index or without
+/// numbers.
 #[must_use]
 pub fn entry(numbers: &[f64], index: f64) -> f64 {
     let last = numbers.len().saturating_sub(1);

@@ -208,7 +208,7 @@ macro_rules! kernels {
 }
 
 /// The functions, and a table of them for each kind of processor. `exp` is the first, whose array
-/// has a function of its own.
+/// has its own function.
 macro_rules! tables {
     ($($(#[$about:meta])* $kernel:ident: $scalar:ident $array:ident = $of:expr;)*) => {
         /// Functions of one number, in the order of [`KernelTable::unary`].

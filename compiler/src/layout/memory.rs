@@ -20,7 +20,7 @@ pub struct Memory {
 // SAFETY: the buffer is allocated by this value, reached through it alone, and freed by it on
 // whatever thread it is then.
 unsafe impl Send for Memory {}
-// SAFETY: a shared reference gives shared slices only, so that nobody writes while it lives.
+// SAFETY: a shared reference gives shared slices only, so that no code writes while it lives.
 unsafe impl Sync for Memory {}
 
 impl Memory {

@@ -7,13 +7,13 @@ use crate::ir::VarId;
 /// A variable as seen from outside: scalar or array.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quantity {
-    /// The variable; `None` for outputs that are no variable of their own.
+    /// The variable; `None` for outputs without a variable.
     pub var: Option<VarId>,
     /// Name without indices, `R1.c`.
     pub name: String,
     /// Index sets, outermost first; empty for a scalar.
     pub axes: Vec<Axis>,
-    /// Flattened-name pattern `n{}` in place of `n[..]`.
+    /// Flattened-name pattern `n{}` instead of `n[..]`.
     pub pattern: Option<String>,
     /// Unit as declared; `1` when dimensionless.
     pub unit: String,

@@ -1,8 +1,8 @@
 //! Turns runs of stores that differ only in their addresses back into loops.
 //!
 //! Resets, bounds and observations are often written element by element: `c[0] := f(c[0])`, `c[1]
-//! := f(c[1])`, … Each run of at least [`SHORTEST`] such stores with addresses in arithmetic
-//! sequence becomes one loop; in place, the order of passes is that of the stores.
+//! := f(c[1])`, and so on. Each run of at least [`SHORTEST`] such stores with addresses in
+//! arithmetic sequence becomes one loop, with passes in the order of the stores.
 
 use super::staged::Staged;
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, MAX_DEPTH, Nest, Place, Rewritten, Store, Target};

@@ -138,8 +138,8 @@ fn part_of(arrays: &FastMap<VarId, Whole>, (var, part): Element) -> Option<usize
     arrays.get(&var)?.equations.get(number).copied()
 }
 
-/// Keeps an element as an unknown where substitution would put (what it depends on) × (where it is
-/// used) entries into the Jacobian in place of their sum.
+/// Keeps an element as an unknown if substitution would put (its dependencies) × (its uses) entries
+/// into the Jacobian instead of their sum.
 fn keep_for_sparsity(
     model: &Model,
     equations: &[Equation],
@@ -300,7 +300,7 @@ pub(crate) fn substitute(model: &mut Model, equations: &mut Vec<Equation>, plan:
     });
 }
 
-/// For each node whether it contains an algebraic variable; operands stand before their users.
+/// For each node whether it contains an algebraic variable; operands precede their users.
 fn with_algebraic(exprs: &Exprs, role: &dyn Fn(VarId) -> Role) -> Vec<bool> {
     let mut out: Vec<bool> = Vec::with_capacity(exprs.len());
     for e in (0..exprs.len() as u32).map(ExprId::from_u32) {

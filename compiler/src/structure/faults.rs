@@ -41,7 +41,7 @@ pub(super) struct Findings<'f> {
     pub left: Vec<LeftOver>,
     /// Unknowns without an equation, in the order of their variables.
     pub missing: Vec<Element>,
-    /// The other unknowns that might be without an equation in place of one that is.
+    /// The other unknowns that might be without an equation instead of one that is.
     pub instead: FastMap<Element, Vec<Element>>,
     /// The statement that determines each unknown.
     pub owners: FastMap<Element, Span>,

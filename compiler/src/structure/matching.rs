@@ -252,8 +252,8 @@ impl Matching<'_> {
         out
     }
 
-    /// An augmenting path from an equation; the unknowns that it can reach where there is none.
-    /// Iterative, since paths may be long.
+    /// An augmenting path from an equation; without one, the unknowns that it can reach. Iterative,
+    /// since paths may be long.
     fn augment(&self, start: usize, unknown: &BTreeSet<Element>, pairs: &mut Pairs) -> Option<Rc<[Element]>> {
         let mut from: FastMap<Element, usize> = FastMap::default();
         let mut reached: Option<Rc<[Element]>> = None;

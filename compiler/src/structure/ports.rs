@@ -48,7 +48,7 @@ fn whole(loaded: &FastMap<i64, (VarId, i64)>, outputs: std::ops::Range<i64>, mod
     (all && outputs.zip(0..).all(|(out, element)| loaded.get(&out) == Some(&(var, element)))).then_some(var)
 }
 
-/// Names of the quantities that are no outputs, by what holds them.
+/// Names of the quantities other than outputs, by what holds them.
 fn names(model: &Model) -> FastMap<VarId, String> {
     let q = &model.interface.quantities;
     let lists: [&[Quantity]; 5] = [&q.states, &q.actions, &q.disturbances, &q.parameters, &q.discretes];

@@ -15,8 +15,8 @@ pub(crate) struct Rates {
     pub covered: FastMap<VarId, Vec<bool>>,
 }
 
-/// `a·x' + b = 0` becomes `x' = -b/a` where one derivative occurs, linearly, that no other equation
-/// gives: `w = der(x)` is one for `w` where `d/dt x = ...` stands elsewhere.
+/// `a·x' + b = 0` becomes `x' = -b/a` if one derivative occurs, linearly, that no other equation
+/// gives: `w = der(x)` is one for `w` if `d/dt x = ...` is another equation.
 pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
     let mut given = Given { covered: FastMap::default(), vars };
     for equation in equations.iter() {
@@ -113,7 +113,7 @@ fn depends(exprs: &Exprs, e: ExprId, x: ExprId) -> bool {
     exprs.below([e]).any(|e| e == x)
 }
 
-/// Checks that no state has two rates, and tells which have one.
+/// Checks that no state has two rates, and returns those with one.
 ///
 /// # Errors
 /// States with two equations for their derivative.
@@ -171,8 +171,8 @@ struct Resolver {
 }
 
 impl Resolver {
-    /// The rate of an element (or of the elements of a loop), free of derivatives; `None` where
-    /// there is none or it needs itself.
+    /// The rate of an element (or of the elements of a loop), free of derivatives; `None` if it is
+    /// missing or needs itself.
     fn rate(&mut self, exprs: &mut Exprs, var: VarId, at: Affine) -> Option<ExprId> {
         if let Some(known) = self.done.get(&(var, at)) {
             return *known;

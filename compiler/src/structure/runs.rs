@@ -1,9 +1,9 @@
 //! Ranges of numbers that are unrolled after all.
 //!
-//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Where
-//! its elements are defined one by one, need each other, or are sums that a loop would work out
-//! again in every pass, they are substituted one by one, and so every equation and sum that reads
-//! them must name them one by one.
+//! An algebraic variable that is defined as a whole by one loop is substituted as a whole. Elements
+//! are substituted one by one if they are defined one by one, need each other, or are sums that a
+//! loop would compute again in every pass. Every equation and sum that reads them must then name
+//! them one by one.
 
 use super::common::replace_everywhere;
 use super::cuts::cut_at_parts;
@@ -80,8 +80,8 @@ fn scattered(model: &Model, equations: &[Equation]) -> FastSet<VarId> {
     scattered
 }
 
-/// Arrays defined with sums of their own for each element that a loop would work out again in each
-/// pass of a loop around it.
+/// Arrays defined with separate sums for each element that a loop would compute again in each pass
+/// of a loop around it.
 fn repeated(model: &Model, equations: &[Equation], wholes: &FastMap<VarId, Whole>) -> FastSet<VarId> {
     let exprs = &model.exprs;
     let mut with_sums: FastSet<VarId> = FastSet::default();
@@ -138,8 +138,8 @@ fn passes_of(exprs: &mut Exprs, equation: Equation, out: &mut Vec<Equation>) {
         out.push(equation);
         return;
     };
-    // Loops over cells keep their counters: a single pass stands in the place of the loop, unless
-    // there is no loop left.
+    // Loops over cells keep their counters: a single pass takes the place of the loop, unless no
+    // loop is left.
     let mut extents = equation.extents.clone();
     extents[d] = 1;
     if extents.iter().all(|&n| n == 1) {

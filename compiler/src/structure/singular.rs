@@ -1,12 +1,11 @@
 //! Loops of equations that do not determine their unknowns, whatever the numbers: `a = 1 + b`, `b =
 //! a - 1`.
 //!
-//! Matching gives each unknown an equation of its own, but a loop of them may say the same thing
-//! twice. Each strongly connected part of the single (not looped) equations is differentiated at
-//! random numbers: sums, products and quotients as they are, every other function as one that could
-//! be any. A matrix of derivatives that is singular at several points then is singular everywhere,
-//! but for an event of probability zero; what is singular at special points only is left to the
-//! solver.
+//! Matching gives each unknown its own equation, but a loop of them may be redundant. Each strongly
+//! connected part of the single (not looped) equations is differentiated at random numbers: sums,
+//! products and quotients exactly, every other function as an arbitrary one. A matrix of
+//! derivatives that is singular at several points is then singular everywhere, except with
+//! probability zero. Matrices that are singular at special points only are left to the solver.
 
 use std::hash::{Hash, Hasher};
 

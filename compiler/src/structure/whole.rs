@@ -167,8 +167,8 @@ fn row_major(extents: &[u32]) -> Affine {
     at
 }
 
-/// Makes the loops of programs fit what is substituted: loops over a whole array become one for
-/// each of its parts; what reads elements that are `defined` one by one is unrolled.
+/// Makes the loops of programs fit substitutions. Loops over a whole array become one for each of
+/// its parts; loops that read elements `defined` one by one are unrolled.
 pub(crate) fn take_apart(model: &mut Model, arrays: &FastMap<VarId, Whole>, defined: &FastSet<VarId>) {
     if arrays.is_empty() && defined.is_empty() {
         return;

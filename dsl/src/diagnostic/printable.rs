@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-/// The text with everything in it that a terminal would interpret: control characters as their
-/// pictures (`␛` for escape), those without one, and marks that turn the direction of writing, as
-/// `�`. Newlines and tabs stay. As many characters as before.
+/// The text without characters that a terminal would interpret. Control characters become their
+/// pictures (`␛` for escape); those without one and marks of the direction of writing become `�`.
+/// Newlines and tabs stay. As many characters as before.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     if text.contains(is_obeyed) { Cow::Owned(text.chars().map(shown).collect()) } else { Cow::Borrowed(text) }

@@ -1,8 +1,8 @@
 //! "Did you mean": the nearest known name by edit distance.
 
-/// The candidate nearest to `name`, if one is near enough to be what was intended (a third of its
-/// length, at least one edit; a difference of case or of underscores alone always is). Names of one
-/// or two letters are matched only so, or where a letter was doubled.
+/// The candidate nearest to `name`, if one is near enough: within a third of its length, at least
+/// one edit. A difference of case or of underscores alone is always near enough. Names of one or
+/// two letters are matched only so, or where a letter was doubled.
 #[must_use]
 pub fn suggest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = name.chars().count();

@@ -1,8 +1,8 @@
 //! Expressions: the grammar gives operands and operators in a flat list; here they get their
 //! structure by precedence climbing.
 //!
-//! Depth is counted as the tree grows (every operator of a list may add one level), so that no
-//! input makes a tree too deep for the recursive passes that follow.
+//! Depth is counted as the tree grows (every operator of a list may add one level). No input makes
+//! a tree too deep for later recursive passes.
 
 use pest::iterators::{Pair, Pairs};
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use smpl_compiler::model::FinishLayout;
 
-/// Its output, whose parts stand one behind the other.
+/// Its output, whose parts follow one another.
 pub(super) struct Finish {
     values: Vec<f64>,
     parts: [Range<usize>; 5],

@@ -1,6 +1,5 @@
-//! Looks ahead from the present point of an episode, which stays where it is: states and
-//! measurements within the coming step, and the values that the rules of the disturbances have for
-//! it.
+//! Looks ahead from the present point of an episode without moving it: states and measurements
+//! within the coming step, and values of the disturbances by their rules.
 
 use smpl_compiler::layout::Region;
 

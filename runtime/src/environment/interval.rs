@@ -78,8 +78,8 @@ impl Environment {
         of_method && self.trace.is_none() && self.drifts.is_empty() && self.setup.other_method().is_some()
     }
 
-    /// Repeats the step from its start with the other implicit method. Where that fails too, the
-    /// failure of the first one stands.
+    /// Repeats the step from its start with the other implicit method. If that also fails, the
+    /// failure of the first one counts.
     #[cold]
     fn retry(&mut self) -> Outcome {
         let first = self.progress.verdict.solver_failure;
@@ -312,7 +312,7 @@ impl Environment {
         if !accumulates && events < self.setup.max_events {
             return None;
         }
-        // Another one at the same instant tells of two that undo each other.
+        // Another one at the same instant shows two that undo each other.
         let last = self.firings.last;
         let accumulates = accumulates || last.is_some_and(|index| self.firings.each[index].sooner >= EVER_SOONER);
         let other = |&index: &usize| Some(index) != last && self.firings.each[index].time == t;

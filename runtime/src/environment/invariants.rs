@@ -1,6 +1,6 @@
 //! Drift of declared invariants: along the integration, the change of the value must be the
-//! integral of the rate. The rates are integrated beside the unknowns and take part in the error
-//! test, so that what is found is the model's fault and not that of a coarse integral.
+//! integral of the rate. The rates are integrated with the unknowns and take part in the error
+//! test, so that a drift is an error of the model and not of a coarse integral.
 
 use super::Environment;
 use crate::setup::SetupError;

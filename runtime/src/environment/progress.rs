@@ -104,7 +104,7 @@ impl Firings {
     }
 }
 
-/// A recorded disturbance in place of a drawn one.
+/// A recorded disturbance instead of a drawn one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Replay {
     /// Place in the region.
@@ -127,7 +127,7 @@ impl Replay {
 }
 
 impl Progress {
-    /// Key of the errors of measurements; none where there are none.
+    /// Key of the errors of measurements; `None` without errors.
     pub(super) fn errors(&self) -> Option<EpisodeKey> {
         (!self.expected).then_some(self.key)
     }

@@ -41,7 +41,7 @@ pub enum StateInput {
     Array(Vec<f64>),
 }
 
-/// Options of a reset. What is given is what is simulated, neither clipped nor tested.
+/// Options of a reset. Given values are simulated, neither clipped nor tested.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResetOptions {
     /// Start.
@@ -54,16 +54,15 @@ pub struct ResetOptions {
     pub parameters: BTreeMap<String, f64>,
     /// Recorded disturbances by name, one value a step.
     pub disturbances: BTreeMap<String, Vec<f64>>,
-    /// Those of them whose last value holds where the record has ended, in place of the error of a
-    /// step beyond it.
+    /// Those of them whose last value holds after the end of the record, where a step otherwise
+    /// fails.
     pub held: BTreeSet<String>,
     /// The last value of every one of them holds.
     pub hold_records: bool,
     /// The episode goes on as it is expected to: random numbers of the steps are at their means,
     /// measurements without noise. A steady state that nothing reads is not searched for.
     pub expected: bool,
-    /// Steps that count as completed at the start: the clock begins there, and so do recorded
-    /// disturbances.
+    /// Steps that count as completed at the start: the clock and recorded disturbances begin there.
     pub first_step: u32,
     /// Disturbances at the start by name, from which their rules go on.
     pub disturbed: BTreeMap<String, f64>,
@@ -135,8 +134,8 @@ impl Environment {
     /// Begins an episode: that of the seed, or the next one of the last seed.
     ///
     /// # Errors
-    /// Unknown names, wrong lengths, numbers that are none, no steady state, no consistent start.
-    /// The instance then needs another reset.
+    /// Unknown names, wrong lengths, NaN, no steady state, no consistent start. The
+    /// instance then needs another reset.
     pub fn reset(&mut self, seed: Option<u64>, options: &ResetOptions) -> Result<(), ResetError> {
         let key = seed.map_or(self.progress.next_key, EpisodeKey::seeded);
         self.progress.phase = Phase::New;

@@ -55,7 +55,7 @@ pub enum SnapshotError {
         /// Model of the environment.
         environment: String,
     },
-    /// The bytes are no snapshot, or damaged.
+    /// The bytes are not a snapshot, or damaged.
     #[error("not a snapshot, or a damaged one: {0}")]
     Damaged(String),
     /// The model cannot be encoded.

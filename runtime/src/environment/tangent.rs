@@ -1,12 +1,11 @@
 //! A control step with its derivatives along directions: of states, actions, parameters, discrete
 //! variables and disturbances.
 //!
-//! The derivatives follow everything that a step does, in its order: the start of an episode,
-//! updates at the start, the equations ([`Augmented`]), events by their jump conditions, updates at
-//! the end, rewards and observations. With a condition g = 0 whose time moves by τ = −(dg along the
-//! direction) / (dg/dt), and rates f⁻ before and f⁺ after, S⁺ = D(S⁻ + f⁻ τ) − f⁺ τ, D being the
-//! derivative of what happens there (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.*
-//! 11 (1958) 243).
+//! The derivatives follow the order of a step: the start of an episode, updates at the start,
+//! equations ([`Augmented`]), events by their jump conditions, updates at the end, rewards,
+//! observations. A condition g = 0 has a time that moves by τ = −(dg along the direction) /
+//! (dg/dt). With rates f⁻ before and f⁺ after, S⁺ = D(S⁻ + f⁻ τ) − f⁺ τ, D the derivative of the
+//! event (M. A. Aizerman and F. R. Gantmacher, *Q. J. Mech. Appl. Math.* 11 (1958) 243).
 
 mod events;
 mod space;
@@ -34,7 +33,7 @@ use space::Space;
 const SMALL: usize = 16;
 const FEW: u32 = 64;
 
-/// Numbers of directions, beside the present one, for which space is kept.
+/// Numbers of directions, in addition to the present one, for which space is kept.
 const SPARE: usize = 3;
 
 /// Tolerances of derivatives, as a multiple of those of the unknowns: as many as this, but up to
@@ -278,7 +277,7 @@ impl Environment {
             self.abandon();
         }
         done?;
-        // When it is judged the step counts, and the next one's end would be meant.
+        // When it is judged the step already counts, so that this would be the end of the next one.
         let end = self.end_time();
         let result = self.judge(interval::Outcome::Completed, excess);
         self.follow_finish(follower, end)?;

@@ -1,9 +1,9 @@
 //! Traces between sampling instants: values at points within each step, and the events, for
 //! pictures.
 //!
-//! An environment that is traced steps as any other, only that its integrator is asked for values
-//! on the way: its results agree with those of an untraced one to the tolerances, not to the bit.
-//! Whoever wants both steps two of them.
+//! A traced environment steps as any other, but reads values of its integrator on the way. Its
+//! results agree with those of an untraced one to the tolerances, not to the bit. For both, step
+//! two of them.
 
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
@@ -28,7 +28,7 @@ pub struct Trace {
     followed: Vec<Followed>,
     points: u32,
     outputs: Vec<f64>,
-    /// Time of each point; an instant at which something jumps stands twice.
+    /// Time of each point; an instant of a jump appears twice.
     pub times: Vec<f64>,
     /// Values, point after point, in the order in which they are followed.
     pub values: Vec<f64>,

@@ -43,8 +43,8 @@ impl Environment {
         result
     }
 
-    /// The first number that is none, of those that a step is judged by. Without an integration
-    /// nothing has changed.
+    /// The first number that is not finite, of those that a step is judged by. Without an
+    /// integration nothing has changed.
     fn not_finite(&self, outcome: Outcome) -> Option<NotFinite> {
         if outcome == Outcome::NotRun || self.all_finite() {
             return None;

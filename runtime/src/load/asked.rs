@@ -80,8 +80,7 @@ fn setting(name: &str, value: &Value) -> Result<Setting, Vec<Diagnostic>> {
     })
 }
 
-/// A distribution of a scenario is one expression of the language, which stands in a statement of
-/// our own and brings no other.
+/// A distribution of a scenario is one expression of the language, inside a generated statement.
 fn distribution(sources: &mut SourceMap, scenario: &Scenario, name: &str, value: &Value) -> Result<Statement, Box<Diagnostic>> {
     let text = format!("initial {name} ~ {value}");
     let file = sources.add("initial of the scenario", text.clone());

@@ -8,7 +8,7 @@ use smpl_dsl::span::{FileId, Span};
 use super::LoadOptions;
 use crate::scenario::{self, Scenario};
 
-/// Variants and settings of the call as a text of their own, for messages that point into it.
+/// Variants and settings of the call as a text, for messages that point into it.
 pub(super) fn settings_as_text(sources: &mut SourceMap, options: &LoadOptions) -> Option<FileId> {
     let variants = options.variants.iter().map(|v| format!("{v}\n"));
     let settings = options.settings.iter().map(|(name, value)| format!("{name}={value}\n"));
@@ -16,8 +16,8 @@ pub(super) fn settings_as_text(sources: &mut SourceMap, options: &LoadOptions) -
     (!text.is_empty()).then(|| sources.add("settings", text))
 }
 
-/// The front end knows names and values of a scenario and of settings, but not where they stand:
-/// each fault is moved to the name in the scenario's file or in the settings, and said once.
+/// The front end knows names and values of a scenario and of settings, but not their places. Each
+/// diagnostic is moved to the name in the scenario's file or in the settings, and reported once.
 pub(super) fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap, settings: Option<FileId>) {
     let mut said = BTreeSet::new();
     diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || said.insert(d.message.clone()));

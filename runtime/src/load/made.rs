@@ -17,8 +17,7 @@ use crate::catalogue::{self, Family};
 use crate::files::{self, plain};
 use crate::scenario::{self, Scenario, Value, Variant};
 
-/// Refuses a compiled model whose source or scenario beside it has changed since, or cannot be
-/// looked at.
+/// Refuses a compiled model whose source or scenario has changed since, or cannot be read.
 fn check_source(path: &Path, header: &Header) -> Result<(), LoadError> {
     let source = path.with_extension("eq");
     let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
@@ -61,8 +60,8 @@ pub(super) fn load_artefact(path: &Path, bytes: &[u8], options: &LoadOptions) ->
     Ok(Loaded { fingerprint: header.fingerprint, circumstances: header.circumstances, ..loaded })
 }
 
-/// A checked model names what it was made for: that need not be said again, and nothing else may
-/// be.
+/// A checked model names its scenario, variants and settings: a call may repeat them, but not
+/// change them.
 pub(super) fn load_json(path: &Path, text: &str, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let refuse = |message: String| LoadError::Artefact { path: path.to_owned(), message };
     if options.extra.is_some() {

@@ -120,7 +120,7 @@ fn misfit(name: &str, recorded: &Recorded, measured: bool) -> Option<(String, &'
     }
 }
 
-/// Parameters under `grid` that are no numbers of cells.
+/// Parameters under `grid` that are not numbers of cells.
 fn grid_faults(scenario: &Scenario, model: &CompiledModel, sources: &SourceMap) -> Vec<Diagnostic> {
     let shapes_nothing = |name: &&String| model.interface().quantities.parameters.iter().any(|p| p.name == **name && !p.structural);
     let fault = |name: &String| {

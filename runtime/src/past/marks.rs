@@ -85,7 +85,7 @@ impl Marks {
     }
 
     /// An integration begins at a time: what was noted later is forgotten, and breaks up to there
-    /// are left behind. Where values that are delayed read delayed ones `directly`, these are no
+    /// are left behind. Where delayed values read other delayed values `directly`, these are not
     /// smoother.
     pub(super) fn begin(&mut self, time: f64, directly: bool, lags: &[f64]) {
         let reach = time + near(time);

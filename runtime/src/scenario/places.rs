@@ -6,8 +6,8 @@ use smpl_dsl::span::{FileId, Span};
 use super::Scenario;
 
 impl Scenario {
-    /// Place of a name in the scenario's file, or the key under which it stands in other characters
-    /// (`"\u006b"`); `None` if neither does, or if there is no file.
+    /// Place of a name in the scenario's file, or the key with escaped characters (`"\u006b"`);
+    /// `None` without either, or without a file.
     #[must_use]
     pub fn place_of(&self, sources: &SourceMap, name: &str) -> Option<Span> {
         let file = self.file?;

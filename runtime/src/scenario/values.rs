@@ -10,7 +10,7 @@ use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
 use super::{Disturbances, Noise, Recorded, TWICE, Value};
 
-/// A mapping from names to values without a name that stands in it twice.
+/// A mapping from names to values without duplicate names.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entries<V>(pub BTreeMap<String, V>);
 

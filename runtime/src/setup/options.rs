@@ -13,7 +13,7 @@ pub struct EnvironmentOptions {
     pub reward: Option<String>,
     /// The reward comes at the end of the episode, as the sum over it.
     pub sparse: bool,
-    /// Time limit in steps in place of the model's.
+    /// Time limit in steps instead of the model's.
     pub max_steps: Option<u32>,
     /// Parameters in their declared units; they override defaults and draws in every episode.
     pub parameters: BTreeMap<String, f64>,
@@ -22,12 +22,12 @@ pub struct EnvironmentOptions {
     pub initial: BTreeMap<String, f64>,
     /// Standard deviation of the noise of observations.
     pub noise: BTreeMap<String, f64>,
-    /// Recorded disturbances in place of drawn ones, one value a step; a single one holds
+    /// Recorded disturbances instead of drawn ones, one value per step; a single one holds
     /// throughout.
     pub disturbances: BTreeMap<String, Vec<f64>>,
     /// Those of them whose last value holds from there on.
     pub held: BTreeSet<String>,
-    /// Settings of the solver in place of the model's.
+    /// Settings of the solver instead of the model's.
     pub solver: SolverOverrides,
 }
 
@@ -62,7 +62,7 @@ pub struct SolverOverrides {
 }
 
 impl SolverOverrides {
-    /// The settings of a model with these in place of its own.
+    /// The settings of a model, replaced by these.
     pub(crate) fn over(&self, declared: &Solver) -> Solver {
         Solver {
             rtol: self.rtol.unwrap_or(declared.rtol),

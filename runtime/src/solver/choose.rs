@@ -3,8 +3,8 @@
 use super::resting::Resting;
 use super::{Ida, Integrator, Method, OneStep, Settings, SolveError, System};
 
-/// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation:
-/// beyond, where that is a large part of a step, IDA takes less time for the same error
+/// Unknowns up to which [`Method::Auto`] takes a one-step method whatever the factorisation.
+/// Beyond, where that is a large part of a step, IDA takes less time for the same error
 /// (`examples/methods.rs`).
 const SMALL: usize = 200;
 

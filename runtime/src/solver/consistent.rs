@@ -413,9 +413,9 @@ impl Consistent {
         there.for_each(|((there, y), yp)| *there = ahead.mul_add(*yp, *y));
     }
 
-    /// Shortens a first `step`, at most `bound`, over which the rates do not stay what they are at
-    /// its beginning, although they may be the same again at its end, where the error test looks.
-    /// What rests and is not `forced` stays at rest.
+    /// Shortens a first `step`, at most `bound`, over which the rates change, although they may be
+    /// the same again at its end, where the error test looks. What rests and is not `forced` stays
+    /// at rest.
     pub(super) fn look_ahead(&mut self, start: &mut Start<'_>, step: f64, bound: f64, forced: bool) -> f64 {
         if step < LONG * bound || !(forced || Self::norm(&mut self.weights, start.bridge, start.y, start.yp) * step > AT_REST) {
             return step;

@@ -1,10 +1,10 @@
 //! Terms that depend on time alone, sampled over an interval before it is integrated.
 //!
 //! An error test compares rates at the ends of steps. A forcing that begins and ends an interval
-//! alike, a day's light in a step of a day, is passed over by a step as long as the interval, and
-//! by steps that have grown in the night. Therefore everything that time moves is evaluated at some
-//! thirty points. Where a polynomial of degree four goes through them, the error test sees what
-//! there is; otherwise no step may be longer than the points are apart. Where that shows many
+//! alike, such as a day's light in a step of a day, is missed by a step as long as the interval,
+//! and by steps that have grown in the night. Therefore everything that time moves is evaluated at
+//! some thirty points. Where a polynomial of degree four goes through them, the error test sees
+//! what there is; otherwise no step may be longer than the points are apart. Where that shows many
 //! turns, more points count them, and some steps fall between two of them. The points are not
 //! evenly spaced, so that a period of the forcing cannot hide in them.
 

@@ -73,9 +73,9 @@ pub trait Integrator: Send {
     /// those of the last accepted step, and the integrator needs a restart.
     fn advance(&mut self, system: &mut dyn System, t_end: f64) -> Result<Advance, SolveError>;
 
-    /// Forgets what was carried over from earlier restarts (last step, order of pivots, which
-    /// conditions hold) and sets the statistics to zero: from here on, results are those of a new
-    /// instance. To be called where an episode begins.
+    /// Forgets what was carried over from earlier restarts (last step, order of pivots, conditions)
+    /// and sets the statistics to zero. Later results are those of a new instance. To be called
+    /// where an episode begins.
     fn forget(&mut self);
 
     /// Data for the next control step: stored at the end of one, and passed to

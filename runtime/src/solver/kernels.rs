@@ -3,8 +3,8 @@
 //! Data live in [`Block`]s of eight numbers on separate cache lines; the last block is filled up
 //! with zeros, so that no loop has a tail. Each loop is `#[inline(always)]` and takes on the
 //! instruction set of the function that calls it. Every product that is summed goes through
-//! [`f64::mul_add`], which rounds once with or without hardware support, and every sum runs over
-//! the same 32 partial sums in the same order: the results are the same bits on every processor.
+//! [`f64::mul_add`], which rounds once with or without hardware support. Every sum runs over the
+//! same 32 partial sums in the same order: the results are the same bits on every processor.
 //!
 //! Operands may be the same vector as the result: a block is read whole before it is written.
 

@@ -32,9 +32,8 @@
 //! # Ok::<(), smpl_runtime::solver::SolveError>(())
 //! ```
 //!
-//! Results depend on the system, the settings and what was integrated since the last
-//! [`forget`](Integrator::forget), and on nothing else: not on the thread, the processor's vector
-//! width or what an instance computed before.
+//! Results depend only on the system, the settings and the integrations since the last
+//! [`forget`](Integrator::forget), not on the thread, the processor's vector width or earlier work.
 
 mod bounds;
 mod callbacks;

@@ -13,8 +13,9 @@ pub(super) mod object;
 const AFTER_SETUP: f64 = 20.0;
 
 /// Least rate / (1 − rate) of a first correction of algebraic unknowns that are not in the error
-/// test. A rate that was measured after a setup says nothing of a later solve with the same
-/// Jacobian, and no test sees what such a correction leaves: it would grow from step to step.
+/// test. A rate that was measured after a setup does not hold for a later solve with the same
+/// Jacobian. No test sees the remaining error of such a correction, which would grow from step to
+/// step.
 const UNTESTED: f64 = 0.25;
 
 /// Data kept from one solve to the next.

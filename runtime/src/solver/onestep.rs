@@ -59,9 +59,9 @@ enum Phase {
 /// A one-step method.
 ///
 /// Everything is allocated when it is made, except for KLU's factors where a large matrix has no
-/// pivots on its diagonal. Its fields are what a step goes through, from the equations' side
-/// (`frame`, `algebra`, `forcing`) to what is looked at on the way (`events`, `integrals`): each is
-/// a separate type, and a step needs them all at once.
+/// pivots on its diagonal. Its fields are the parts of a step, from the equations' side (`frame`,
+/// `algebra`, `forcing`) to `events` and `integrals`. Each is a separate type, and a step needs
+/// them all at once.
 pub struct OneStep {
     settings: Settings,
     frame: Frame,
@@ -136,9 +136,8 @@ impl OneStep {
     /// An integrator for systems of this one's dimension, pattern and counts.
     ///
     /// # Errors
-    /// A setting out of range, a pattern that does not fit, or a system that the method does not
-    /// take: one that is not explicit in its derivatives, and for the explicit method one with
-    /// algebraic unknowns.
+    /// A setting out of range, a pattern that does not fit, or an unsupported system: one that is
+    /// not explicit in its derivatives, or for the explicit method one with algebraic unknowns.
     pub fn new(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;

@@ -1,8 +1,8 @@
 //! Systems without states: algebra only, which time and inputs move.
 //!
-//! The methods step differential equations. A system that has none gets an unknown at rest before
-//! its own, y' = 0, which nothing reads and no caller sees: events, integrals and the look at what
-//! time moves are then those of every other system.
+//! The methods step differential equations. A system without unknowns gets one at rest, y' = 0,
+//! which nothing reads and no caller sees. Events, integrals and forcings are then those of every
+//! other system.
 
 use super::{Advance, Bounds, Carried, Edge, Integrator, Pattern, PatternError, RootKind, Settings, SolveError, Statistics, System};
 

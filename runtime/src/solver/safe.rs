@@ -6,8 +6,8 @@ use super::{Edge, RootRole, System};
 /// A box of unknowns, and a time up to which, in which no event happens and no equation jumps:
 /// steps inside of it need no look at root functions.
 ///
-/// Where root functions do not read the time, and there are no kinks, a box lasts until it is left:
-/// also in the next integration, if what they read besides unknowns is the same.
+/// If root functions do not read the time, and there are no kinks, a box lasts until it is left. It
+/// also lasts into the next integration if what they read besides unknowns is the same.
 pub(crate) struct Safe {
     least: Box<[f64]>,
     most: Box<[f64]>,

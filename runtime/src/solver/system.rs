@@ -40,7 +40,7 @@ pub trait System {
     fn pattern(&self) -> &Pattern;
 
     /// Number of directions, k, along which derivatives of the leading n/(1 + k) unknowns are
-    /// integrated with them: the other unknowns are a matrix of k columns, row after row, which
+    /// integrated with them. The other unknowns are a matrix of k columns, row after row, which
     /// obey [`following`](Self::following). 0 for other systems.
     fn directions(&self) -> usize {
         0
@@ -56,14 +56,15 @@ pub trait System {
         self.residual(t, y, yp, out);
     }
 
-    /// Writes the residual of the derivatives `s` along the directions, with rates `sp`: (∂F/∂y) s + (∂F/∂y') sp and the other moving terms, at leading unknowns
-    /// y with rates y', where `jacobian` holds ∂F/∂y + `cj` ∂F/∂y'.
+    /// Writes the residual of the derivatives `s` along the directions, with rates `sp`: the sum of
+    /// (∂F/∂y) s, (∂F/∂y') sp and the other moving terms. It is at leading unknowns y with rates
+    /// y', and `jacobian` holds ∂F/∂y + `cj` ∂F/∂y'.
     fn following(&mut self, at: Following<'_>, (s, sp): (&[f64], &[f64]), out: &mut [f64]) {
         let _ = (at, s, sp, out);
     }
 
-    /// Replaces the part R of the derivatives' rates sp = `cj` s + R that is known by −(∂F/∂y') R
-    /// and minus the other moving terms: the right-hand side for s with that Jacobian.
+    /// Replaces the known part R of the derivatives' rates sp = `cj` s + R by −(∂F/∂y') R minus the
+    /// other moving terms: the right-hand side for s with that Jacobian.
     fn moving(&mut self, at: Following<'_>, rates: &mut [f64]) {
         let _ = (at, rates);
     }

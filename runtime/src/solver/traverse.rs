@@ -175,8 +175,7 @@ pub(crate) trait Traverse {
     }
 
     /// Returns `true` if a condition becomes true at the end of the interval although rounding puts
-    /// its instant just behind: the next interval begins with other inputs, perhaps, under which it
-    /// would not.
+    /// its instant just behind. The next interval may have other inputs, under which it would not.
     fn ends_at_event(&mut self) -> Result<bool, SolveError> {
         let ahead = self.span(AHEAD);
         if self.watched().0.is_empty() || self.is_safe(ahead) {
@@ -308,10 +307,10 @@ pub(crate) trait Traverse {
         Ok(advance)
     }
 
-    /// Goes along the rates to just behind a jump of the equations nearby, after steps have become
-    /// too short: those whose rates change by more than their tolerances over the shortest step,
-    /// and jumps of algebraic unknowns, are crossed by no step. Returns whether there is such a
-    /// jump; the integration has stopped at it.
+    /// Goes along the rates to just behind a nearby jump of the equations, after steps have become
+    /// too short. No step crosses a jump of algebraic unknowns, or of rates by more than their
+    /// tolerances over the shortest step. Returns whether there is such a jump; the integration has
+    /// stopped at it.
     fn passes_jump(&mut self, t_end: f64) -> Result<bool, SolveError> {
         let (time, fine) = (self.time(), self.span(FINE));
         let watch = self.watched().0;

@@ -1,12 +1,12 @@
 //! Derivatives of the unknowns along directions, integrated behind them with their own steps.
 //!
-//! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear:
-//! with the derivative of a backward differentiation formula, S' = c S + R, one factorisation of
+//! With F(t, y, y') = 0 a matrix S of derivatives obeys F_y S + F_y' S' + B = 0, which is linear.
+//! With the derivative of a backward differentiation formula, S' = c S + R, one factorisation of
 //! F_y + c F_y' gives all columns (the staggered direct method of M. Caracotsios and W. E. Stewart,
-//! *Comput. Chem. Eng.* 9 (1985) 359). What IDA knows of y between two of its steps gives F_y
-//! anywhere, so that S has its own steps and order: fewer steps than y where its tolerance is
-//! looser, more where y rests and S does not. Nothing is kept but the last values of S: each step
-//! is one pass over them, a solution, and one pass for the error.
+//! *Comput. Chem. Eng.* 9 (1985) 359). The interpolant of IDA gives F_y between its steps, so that
+//! S has its own steps and order. It takes fewer steps than y if its tolerance is looser, more
+//! where y rests and S does not. Nothing is kept but the last values of S: each step is one pass
+//! over them, a solution, and one pass for the error.
 
 mod formula;
 

@@ -4,7 +4,7 @@
 //! A root function is positive where its condition holds. It is evaluated at every accepted state,
 //! and bounded in between (see [`inside`](super::inside)); where a condition has become true, the
 //! instant is found on the interpolating polynomial. At the threshold itself, to rounding, a sign
-//! says nothing: there the motion decides, so that a condition that has just become true and is
+//! has no meaning. There the motion decides, so that a condition that has just become true and is
 //! being left may become true again.
 
 use std::os::raw::c_int;
@@ -324,8 +324,8 @@ impl Watch {
         self.quiet = to + step * steps.fold(QUIET, f64::min);
     }
 
-    /// Returns `true` if such kinks have not been passed to and fro in a step that ends at the
-    /// present values, by the values in its middle, which are those ahead.
+    /// Returns `true` if a step that ends at the present values has not passed such kinks to and
+    /// fro, by the values in its middle, which are those ahead.
     pub(super) fn is_loose_still(&self) -> bool {
         self.loose.iter().all(|&i| {
             let (begin, middle, end) = (self.begin[i], self.ahead[i], self.values[i]);

@@ -1,10 +1,10 @@
 //! Free unknowns of the equations at rest: null spaces of the Jacobian.
 //!
-//! A vector of the right null space is a direction along which the states may be moved at rest. One
-//! of the left null space that is the same at every point is a sum whose rate no state changes: it
-//! is conserved where that rate is zero, and otherwise nothing rests. A state determines the rest
-//! if the Jacobian without its row and column is regular, which holds where neither null space is
-//! zero in it.
+//! A vector of the right null space is a direction along which the states may be moved at rest. A
+//! vector of the left null space that is the same at every point is a sum whose rate no state
+//! changes. It is conserved if that rate is zero; otherwise there is no steady state. A state
+//! determines the rest if the Jacobian without its row and column is regular, which holds where
+//! neither null space is zero in it.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -51,7 +51,7 @@ pub(super) fn freedom(problem: &mut Problem, system: &mut CompiledSystem, catalo
         return None;
     }
     let samples: Vec<Sample> = DISTANCES.iter().filter_map(|&d| sample(problem, system, y, d)).collect();
-    // Where the guess is a singular point of its own, the points around are not.
+    // If the guess is an isolated singular point, the points around it are not.
     let (at, null) = samples
         .iter()
         .enumerate()

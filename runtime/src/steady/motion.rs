@@ -30,7 +30,7 @@ impl Motion {
     /// parameters.
     ///
     /// # Errors
-    /// In words, if the steady state is none that has derivatives.
+    /// A message, if the steady state has no derivatives.
     pub(crate) fn follow(&mut self, system: &CompiledSystem, catalogue: &Catalogue, tangents: &mut Tangents) -> Result<(), String> {
         let parameters = system.memory().layout().range(Region::Param);
         let mut of = system.region(Region::Param).to_vec();
@@ -65,9 +65,9 @@ fn at_rest(system: &CompiledSystem) -> (CompiledSystem, Vec<f64>) {
     (there, y)
 }
 
-/// Derivatives of an instance at its steady state. What is held and the actions move as the
-/// `steady` block says, the unknowns as the equations ask for, and discrete variables as their
-/// initial values, which belong to the unknowns: as [`super::settle`] finds them.
+/// Derivatives of an instance at its steady state. Fixed values and actions move by the `steady`
+/// block, the unknowns by the equations, and discrete variables as their initial values, which
+/// belong to the unknowns: as [`super::settle`] finds them.
 fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) -> Result<Tangents, String> {
     let (mut system, y) = at_rest(system);
     let (width, n, zero) = (parameters.width(), y.len(), vec![0.0; y.len()]);

@@ -214,7 +214,7 @@ impl Problem {
         let sign = |i: usize| 1.0 - 2.0 * ((i as f64 + 1.0) * 0.618_033_988_749_895).fract();
         let mut solution: Vec<f64> = sizes.iter().enumerate().map(|(i, size)| sign(i) * size).collect();
         self.solve(&mut solution);
-        // A number that is none counts as large.
+        // NaN counts as large.
         let size = self.norm(&solution);
         size.is_nan() || size > SUSPICIOUS
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Cell;
 
-/// Appends a cell that is no text.
+/// Appends a cell that is not a text.
 pub(super) fn cell(cell: Cell, out: &mut String) {
     // Writing into a string cannot fail.
     let _ = match cell {

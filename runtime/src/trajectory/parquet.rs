@@ -21,7 +21,7 @@ pub(super) fn write(table: &Table, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
-    // The writer wants a `Send` sink of its own.
+    // The writer needs its own `Send` sink.
     let mut bytes = Vec::new();
     let properties = Arc::new(WriterProperties::builder().build());
     let mut file = SerializedFileWriter::new(&mut bytes, schema(table)?, properties)?;

@@ -25,7 +25,7 @@ pub struct Inputs {
     pub split: Option<(String, usize)>,
 }
 
-/// A data file that is missing or at fault. Lines count from 1, the heading included.
+/// A missing or invalid data file. Lines count from 1, the heading included.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// It cannot be opened or read.
@@ -36,7 +36,7 @@ pub enum DataError {
         /// Reason.
         source: std::io::Error,
     },
-    /// It is no table.
+    /// It is not a table.
     #[error("{}:{line}: {message}", path.display())]
     Malformed {
         /// The file.
@@ -46,7 +46,7 @@ pub enum DataError {
         /// Message.
         message: String,
     },
-    /// A cell is no number.
+    /// A cell is not a number.
     #[error("{}:{line}: column `{column}`: {} is not a finite number", path.display(), quoted(text))]
     NotANumber {
         /// The file.
@@ -166,8 +166,7 @@ impl RawTable {
         self.names.iter().position(|n| n == name)
     }
 
-    /// Refuses two columns of a name that is read; what is not read may stand there as often as it
-    /// likes.
+    /// Refuses two columns with a name that is read; unread columns may repeat names.
     fn once<'n>(&self, names: impl Iterator<Item = &'n str>) -> Result<(), DataError> {
         let mut seen = HashMap::new();
         self.names.iter().for_each(|name| *seen.entry(name.as_str()).or_insert(0) += 1);
@@ -233,8 +232,7 @@ impl RawTable {
         Ok(self.column("time").filter(|time| !columns.contains(time)))
     }
 
-    /// Inputs by the column `time`, or row by row where there is none, or where a column `step`
-    /// counts the rows.
+    /// Inputs by the column `time`, or row by row without one or with a column `step`.
     fn inputs(&self, columns: &[usize], clock: Clock) -> Result<Inputs, DataError> {
         let time = self.times(columns)?;
         let counted = self.column("step").filter(|count| !columns.contains(count));
@@ -395,7 +393,7 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 
 /// Recorded disturbances of the steps 1, 2, ...: the columns named as disturbances, of which there
 /// must be one, taken as [`read_actions`] does. Returns also the first one that changes within a
-/// step. The start, step 0, is skipped whatever stands there.
+/// step. The start, step 0, is skipped whatever it contains.
 ///
 /// # Errors
 /// See [`DataError`].
@@ -479,10 +477,10 @@ impl Initial {
 pub struct Columns {
     /// Names of the columns.
     pub names: Vec<String>,
-    /// One list a column: `true` and `false` as 1 and 0, what is no number as NaN.
+    /// One list per column: `true` and `false` as 1 and 0, other texts as NaN.
     pub values: Vec<Vec<f64>>,
-    /// For each row what tells its run from others, where the table holds several: the columns
-    /// before `step`, by name.
+    /// For each row the key of its run, if the table has several: the columns before `step`, by
+    /// name.
     pub keys: Vec<String>,
 }
 

@@ -5,9 +5,9 @@
 //! discrete variable, named expression, algebraic variable); then the text is written. What cannot
 //! be carried is refused with its line.
 //!
-//! SBML converts no units, and the language does. Units are declared only where both give the same
-//! numbers: the text is written with units and without, both are compiled, and where the first does
-//! not compile or computes anything else, the second is taken and says why.
+//! SBML converts no units, and the language does. Units are declared only if they do not change
+//! numbers. The text is written with and without units, and both are compiled. If the first does
+//! not compile or computes anything else, the second is used, with the reason.
 
 mod convert;
 mod document;

@@ -1,9 +1,9 @@
 //! Pictures of runs: what of a model changes over time and space, on a page to hand to anybody.
 //!
-//! The way of a picture: [`items`] are the quantities that can be shown, [`plan()`] chooses panels,
-//! [`Run`]s bring the numbers (with a [`Follower`] also those between sampling instants),
-//! [`Picture::new`] lays them out on one [`Drawing`], and that is written as SVG, PNG, PDF or as a
-//! page of HTML that can be pointed at and enlarged. The same runs give the same bytes.
+//! [`items`] are the quantities that can be shown, and [`plan()`] chooses panels. [`Run`]s have the
+//! numbers, with a [`Follower`] also those between sampling instants. [`Picture::new`] lays them
+//! out on one [`Drawing`], which is written as SVG, PNG, PDF or as an interactive page of HTML. The
+//! same runs give the same bytes.
 
 mod axis;
 mod choose;

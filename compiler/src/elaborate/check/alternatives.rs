@@ -1,9 +1,10 @@
 //! Checks of unselected parts: bodies of variants that are off, and of options that another one
 //! precedes.
 //!
-//! Each of them is put in force in turn, with what encloses it, and the model elaborated anew;
-//! faults inside of the body are told as warnings. A body may name what another variant declares: a
-//! fault that is gone where all variants are on is none, but for a name that nothing declares.
+//! Each of them is put in force in turn, with its enclosing blocks, and the model elaborated anew;
+//! faults inside of the body are reported as warnings. A body may name what another variant
+//! declares: a fault that disappears with all variants on is ignored, except for a name without any
+//! declaration.
 
 use std::collections::{HashMap, HashSet};
 
@@ -33,7 +34,7 @@ struct Body<'a> {
     statements: &'a [Statement],
 }
 
-/// Faults in what is not in force, as warnings; `chosen` tells the option of a variant or choice,
+/// Faults in what is not in force, as warnings; `chosen` returns the option of a variant or choice,
 /// and `spent` is the work that the model took.
 pub(in crate::elaborate) fn faults_in_alternatives(
     files: &[File],
@@ -201,7 +202,7 @@ fn is_alternative(statement: &Statement) -> bool {
     matches!(statement.kind, StatementKind::Variant { .. } | StatementKind::When { .. })
 }
 
-/// A fault of what is not in force keeps nobody from running the model.
+/// A fault of what is not in force does not keep the model from running.
 fn told(fault: Diagnostic, asked: &Asked) -> Diagnostic {
     let names: Vec<String> =
         asked.iter().map(|(name, option)| if option == "true" { name.clone() } else { format!("{name} = {option}") }).collect();

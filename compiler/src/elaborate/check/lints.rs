@@ -13,7 +13,7 @@ use crate::elaborate::symbols::{ScopeId, SymbolKind, Symbols};
 use crate::ir::{FastMap, FastSet, Nest, Place as Memory, Role, VarId};
 use crate::model::{Episode, Model, Quantity};
 
-/// Looks for what is allowed and hardly meant.
+/// Looks for valid statements that are probably mistakes.
 pub(in crate::elaborate) fn lint(l: &mut Lowering<'_, '_>, control: &Control) {
     lint_starts(l, &control.programs.initial_states.nests);
     lint_steady(l);
@@ -127,8 +127,8 @@ impl<'a> Symbols<'a> {
     }
 }
 
-/// Parameters of the main file whose name stands nowhere but in their declaration, comments and
-/// texts aside.
+/// Parameters of the main file whose name occurs only in their declaration, comments and texts
+/// aside.
 pub(crate) fn unused_parameters(model: &Model, sources: &SourceMap, main: FileId, files: &[FileId]) -> Vec<Diagnostic> {
     let mut count: FastMap<&str, usize> = FastMap::default();
     for file in files.iter().filter_map(|id| sources.file(*id)) {

@@ -1,8 +1,8 @@
 //! Unused declarations, whose faults are reported although they have no effect yet.
 //!
-//! Named expressions and fluxes are worked out at their own indices. A function is worked out with
+//! Named expressions and fluxes are worked out at their own indices. A function is elaborated with
 //! arguments that fit everywhere, a component as one instance whose parameters without values have
-//! sample values; of these, faults that depend on the values are not told.
+//! sample values. Faults that depend on sample values are not reported.
 
 use smpl_dsl::diagnostic::{Code, Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -181,8 +181,7 @@ pub(in crate::elaborate) fn components<'a>(l: &Lowering<'_, 'a>) -> Vec<&'a Stat
     unused
 }
 
-/// Of what was said of samples of components, the faults that lie in them and do not depend on
-/// values.
+/// Of the reports on samples of components, the faults inside them that do not depend on values.
 pub(in crate::elaborate) fn of_components(ledger: &Ledger, components: &[&Statement]) -> Vec<Diagnostic> {
     let inside = |span: Span| components.iter().any(|s| s.span.contains(span));
     let of_component = |d: &&Diagnostic| inside(d.primary.span) || d.secondary.iter().any(|label| inside(label.span));

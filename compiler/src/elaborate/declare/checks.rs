@@ -67,7 +67,7 @@ impl Ledger {
         );
     }
 
-    /// Statements with names of their own: two with one name are a fault.
+    /// Statements with their own names: two with one name are a fault.
     pub(in crate::elaborate) fn check_names(&mut self, list: &[Item<'_>]) {
         let mut seen: FastMap<String, Span> = FastMap::default();
         let mut unnamed: FastMap<Form, Span> = FastMap::default();

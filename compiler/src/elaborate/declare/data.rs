@@ -66,7 +66,7 @@ fn cells(line: &str, start: usize, file: FileId) -> Vec<Cell<'_>> {
 
 /// The number in a cell.
 pub(super) fn number(cell: &Cell<'_>, row: &[Cell<'_>]) -> Result<f64, Diagnostic> {
-    // An empty cell at the end of a line has no place of its own.
+    // An empty cell at the end of a line has no separate place.
     let line = row.first().map_or(cell.span, |first| Span { end: cell.span.end, ..first.span });
     if cell.text.is_empty() {
         let fault = Diagnostic::error(codes::BAD_DATA, "a cell of the table is empty", line);
@@ -82,7 +82,7 @@ pub(super) fn number(cell: &Cell<'_>, row: &[Cell<'_>]) -> Result<f64, Diagnosti
 }
 
 /// The name and the unit of a column: `k [1/min]`. The unit is that of the text between the
-/// brackets, unless there are none.
+/// brackets, if any.
 pub(super) fn column<'t>(cell: &Cell<'t>) -> Result<(&'t str, Option<UnitExpr>), Diagnostic> {
     let Some((name, rest)) = cell.text.split_once('[') else { return Ok((cell.text, None)) };
     let unit = rest.trim_end().strip_suffix(']');

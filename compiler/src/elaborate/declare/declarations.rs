@@ -210,7 +210,7 @@ impl<'a> Declaring<'_, 'a> {
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| units::unit(&mut self.lowering(), u, &place));
         if matches!(written, Some(None)) {
-            // The unit is at fault; the name is declared so that its uses cause no further report.
+            // The unit is invalid; the name is declared so that its uses cause no further report.
             return self.declare_poison(scope, role, d, axes, binders);
         }
         let unit = written.flatten();

@@ -80,14 +80,14 @@ impl<'m, 'a> Declaring<'m, 'a> {
             Err(before) => {
                 let at = self.symbols[before].span;
                 self.work.ledger.duplicate(name, at);
-                // Which of both is meant is not known: what depends on it is not reported.
+                // It is unknown which of both is intended: consequences are not reported.
                 self.symbols[before].kind = SymbolKind::Faulty;
                 None
             }
         }
     }
 
-    /// A name whose declaration is at fault: its uses cause no further report.
+    /// A name whose declaration is invalid: its uses cause no further report.
     pub(in crate::elaborate::declare) fn faulty(&mut self, scope: ScopeId, name: &Ident) {
         self.declare(scope, name, SymbolKind::Faulty);
     }

@@ -97,7 +97,7 @@ impl<'a> Declaring<'_, 'a> {
         component: &'a Ident,
         depth: usize,
     ) -> Option<&'a Statement> {
-        // Enough was said.
+        // Enough was reported.
         if self.instances.made > MAX_INSTANTIATED {
             return None;
         }

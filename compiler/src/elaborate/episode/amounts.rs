@@ -35,8 +35,8 @@ pub(in crate::elaborate) fn amount(l: &mut Lowering<'_, '_>, e: &Expr, place: &P
     found.unwrap_or_else(|| l.value(e, place))
 }
 
-/// Of `and` the least amount, of `or` the greatest. A flag takes nothing away from what holds
-/// beside it, and counts 1 where it alone decides.
+/// Of `and` the least amount, of `or` the greatest. A flag does not reduce the amounts of other
+/// conditions, and counts 1 if it alone decides.
 fn both(l: &mut Lowering<'_, '_>, x: &Value, y: &Value, is_and: bool) -> Value {
     let (flag, number) = match (&x.unit, &y.unit) {
         (Measure::Truth, Measure::Truth) => {
@@ -51,8 +51,8 @@ fn both(l: &mut Lowering<'_, '_>, x: &Value, y: &Value, is_and: bool) -> Value {
     Value::bare(if is_and { l.exprs.select(flag, number, decided) } else { l.exprs.select(flag, decided, number) })
 }
 
-/// The least or greatest of two amounts. One that is no number leaves it to the other: whether the
-/// whole is known is told elsewhere.
+/// The least or greatest of two amounts. NaN leaves the decision to the other: the knowledge of the
+/// whole is tested elsewhere.
 fn extremum(l: &mut Lowering<'_, '_>, x: ExprId, y: ExprId, least: bool) -> ExprId {
     let mut value = l.exprs.binary(if least { BinaryFn::Min } else { BinaryFn::Max }, x, y);
     for (side, other) in [(x, y), (y, x)] {
@@ -103,7 +103,7 @@ fn signed(l: &mut Lowering<'_, '_>, value: &Value) -> ExprId {
     l.exprs.select(value.expr, holds, not)
 }
 
-/// A condition that has a name of its own: what it stands for.
+/// A condition with its own name: its expression.
 fn named(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<Value> {
     let (base, index): (&Expr, &[Expr]) = match &e.kind {
         ExprKind::Index(base, index) => (base, index),
@@ -123,8 +123,7 @@ fn compared(l: &mut Lowering<'_, '_>, op: BinaryOp, a: &Expr, b: &Expr, place: &
     Some(Value::bare(l.exprs.div(difference, range)))
 }
 
-/// Width of the declared bounds of a variable that stands alone; where there is none, the other
-/// number.
+/// Width of the declared bounds of a variable that appears alone; without bounds, the other number.
 fn range_of(l: &mut Lowering<'_, '_>, e: ExprId, other: f64) -> ExprId {
     if let crate::ir::Expr::Load { var, at, .. } = l.exprs.node(e)
         && let Some(q) = l.quantities.get(&var)

@@ -20,7 +20,7 @@ pub(in crate::elaborate) fn failing(l: &mut Lowering<'_, '_>, e: &Expr, place: &
         let (excess, items) = boxes::box_excess(l, inner, place);
         let holds = l.values().beyond(excess);
         let excess = l.exprs.select(holds, excess, zero);
-        // A member that is no number is outside.
+        // A member that is not a number is outside.
         let unknown = l.exprs.truth(false);
         return Condition { holds, unknown, excess, items };
     }

@@ -41,7 +41,7 @@ pub(in crate::elaborate) struct SteadyProgram {
     pub program: Program,
     /// Given values.
     pub problem: Steady,
-    /// Something is said of it.
+    /// A statement mentions it.
     pub said: bool,
 }
 
@@ -85,7 +85,7 @@ struct SteadyText {
 /// An entry of a `steady` block.
 struct SteadyEntry<'a> {
     scope: ScopeId,
-    /// Number of the selection of statements that it stands in: the text outside of variants and
+    /// Number of the selection of statements that contains it: the text outside of variants and
     /// choices, or one of their blocks.
     block: usize,
     /// Of how much it is.
@@ -202,8 +202,8 @@ fn names_variable(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> bool {
     }
 }
 
-/// Refuses a steady value that is no number, or an action's outside of its bounds, as far as it is
-/// known.
+/// Refuses a steady value that is not a number, or an action's outside of its bounds, as far as it
+/// is known.
 fn check_steady_value(l: &mut Lowering<'_, '_>, var: VarId, elements: Range<i64>, value: ExprId, span: Span) {
     let Some(x) = defaults::constant_value(l, value) else { return };
     let is_action = l.symbols.vars[var].role == Role::Action;
@@ -287,7 +287,7 @@ pub(in crate::elaborate) fn initial_programs<'a>(l: &mut Lowering<'_, 'a>, block
     (Program { nests, in_place: true }, Program { nests: starts.discretes.nests, in_place: true })
 }
 
-/// Starts that stand with the declarations, or that were asked for in their place.
+/// Starts of the declarations, or requested ones that replace them.
 fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
     for symbol in l.in_text_order() {
         let SymbolKind::Variable { var, .. } = l.symbols[symbol].kind else { continue };
@@ -424,12 +424,12 @@ struct StartText<'s> {
     random: bool,
     value: &'s Expr,
     clip: Option<&'s Clip>,
-    /// It is asked for beside the text.
+    /// It is requested in addition to the text.
     asked: bool,
 }
 
-/// One `initial` statement at one place: a scalar, an element, or a whole array. `None` where a
-/// number that is asked for stands in its place, which is set with the declarations.
+/// One `initial` statement at one place: a scalar, an element, or a whole array. `None` if a
+/// requested number replaces it, which is set with the declarations.
 #[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
 fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
     let StartText { target, random, value, clip, asked } = start;

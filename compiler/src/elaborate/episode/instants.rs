@@ -284,7 +284,7 @@ fn watched_events<'a>(
     }
 }
 
-/// Reports `at` a name that is no event.
+/// Reports `at` a name that is not an event.
 fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], name: &str) {
     let known: Vec<&str> = blocks
         .iter()
@@ -347,8 +347,8 @@ pub(in crate::elaborate) fn root_of(l: &mut Lowering<'_, '_>, condition: &Expr, 
     Some((moving_clock(l, value), strict))
 }
 
-/// The clock of a condition that is watched throughout the step runs; elsewhere it stands at the
-/// instant of the program.
+/// The clock of a condition that is watched throughout the step runs; elsewhere it is the instant
+/// of the program.
 pub(in crate::elaborate) fn moving_clock(l: &mut Lowering<'_, '_>, e: ExprId) -> ExprId {
     let (builtins, at) = (l.hidden.builtins, Affine::constant(Builtin::Clock as i64));
     l.exprs.rewrite(e, &mut Rewritten::default(), &mut |exprs, node| match node {

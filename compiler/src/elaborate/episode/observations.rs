@@ -197,7 +197,7 @@ fn observed_element(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
             (v, unit)
         }
     };
-    // What else is said of it makes no sense yet.
+    // Its other properties have no meaning yet.
     if v.is_poison() {
         return None;
     }
@@ -269,8 +269,8 @@ fn observation_name(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place) ->
             }
         },
     };
-    // A name of its own has every index; one by its path (`col[k].outlet.c`) has those within it
-    // already, and `x` in a tuple is an element itself.
+    // An own name has every index; one by its path (`col[k].outlet.c`) has those within it already,
+    // and `x` in a tuple is an element itself.
     let is_element = |b: &Binder| matches!((&o.value.kind, place.bound(&b.name.text)), (ExprKind::Name(n), Some(Bound::Alias(..))) if n.text == b.name.text);
     let open: Vec<&Binder> = o.binders.iter().filter(|b| o.name.is_some() || !(indexes(&o.value, &b.name.text) || is_element(b))).collect();
     if open.is_empty() {
@@ -290,7 +290,7 @@ fn bound_name(l: &mut Lowering<'_, '_>, name: &Ident, place: &Place) -> String {
     }
 }
 
-/// Returns `true` if a name stands among the indices of a reference.
+/// Returns `true` if a name is among the indices of a reference.
 fn indexes(e: &Expr, name: &str) -> bool {
     match &e.kind {
         ExprKind::Member(base, _) => indexes(base, name),

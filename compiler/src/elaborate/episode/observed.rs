@@ -1,4 +1,4 @@
-//! Observations as they are put together, and what is said of each.
+//! Observations as they are put together, and their properties.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Expr, ExprKind, Observation};
@@ -49,7 +49,7 @@ impl Attributes {
     /// Of an observation that says nothing else.
     pub(super) const NONE: Attributes = Attributes { bounds: None, every: 1, delay: 0, noise: 0.0 };
 
-    /// An observed number, with bounds of its own where the observation says none.
+    /// An observed number, with its own bounds if the observation has none.
     pub(super) fn observed(&self, name: String, unit: String, own: (f64, f64)) -> Observed {
         let (low, high) = self.bounds.unwrap_or(own);
         Observed { name, unit, low, high, every: self.every, delay: self.delay, noise: self.noise }
@@ -146,7 +146,7 @@ fn refuse_noise(l: &mut Lowering<'_, '_>, e: &Expr) -> f64 {
     0.0
 }
 
-/// A number of noise, and its value where that is known; `None` where a fault was told.
+/// A number of noise, and its value if that is known; `None` after a reported fault.
 fn noise_number(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) -> Option<(ExprId, Option<f64>)> {
     let reports = l.ledger.reports.diagnostics.len();
     let expr = l.number_in(e, unit, "the noise", e.span, place);
@@ -154,7 +154,7 @@ fn noise_number(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, place: &Place) 
     (l.ledger.reports.diagnostics.len() == reports).then_some((expr, value))
 }
 
-/// Noise has mean zero: what is always added is no noise.
+/// Noise has mean zero: a constant offset is not noise.
 fn check_mean(l: &mut Lowering<'_, '_>, mean: &Expr, unit: &Unit, place: &Place) {
     let Some((_, value)) = noise_number(l, mean, unit, place) else { return };
     if value != Some(0.0) {

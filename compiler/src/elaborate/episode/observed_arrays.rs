@@ -91,7 +91,7 @@ fn array(l: &mut Lowering<'_, '_>, o: &Observation, symbol: SymbolId, place: &Pl
         quantity.name = format!("{}{}", l.symbols.scopes[place.scope].prefix, name.text);
         quantity.pattern = None;
     }
-    // What else is said of it makes no sense yet.
+    // Its other properties have no meaning yet.
     let poisoned = pieces.is_empty() || pieces.iter().any(|piece| piece.value.1.is_poison());
     (!poisoned).then_some(Array { quantity, pieces, len })
 }
@@ -126,7 +126,7 @@ fn bounded(items: Vec<BoxItem>, pieces: Vec<Piece<(Affine, ExprId)>>) -> Option<
     items.iter().any(|item| item.low.is_finite() || item.high.is_finite()).then_some(Bounded { items, pieces })
 }
 
-/// Every state, in declaration order; said by a statement, or by the level `full`.
+/// Every state, in declaration order; by a statement, or by the level `full`.
 pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: &mut Observations) {
     let base = out.names.len();
     let order = state_positions(l);
@@ -135,7 +135,7 @@ pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: 
         return;
     }
     let mut names: Vec<Option<Observed>> = vec![None; total];
-    // A state that is observed already, perhaps with noise or a delay, is told from that
+    // A state that is observed already, perhaps with noise or a delay, is distinct from that
     // observation.
     let taken: FxHashSet<String> = out.names.iter().map(|o| o.name.clone()).collect();
     let named = |name: String| if taken.contains(&name) { format!("state.{name}") } else { name };
@@ -152,7 +152,7 @@ pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: 
     out.names.extend(names.into_iter().flatten());
 }
 
-/// Stores the elements of a variable to where they stand among the states.
+/// Stores the elements of a variable to their places among the states.
 fn store_states(l: &mut Lowering<'_, '_>, var: VarId, base: usize, positions: &[u32], out: &mut Observations) {
     let slots: Vec<i64> = positions.iter().map(|&p| base as i64 + i64::from(p)).collect();
     let step = slots.get(1).map_or(0, |s| s - slots[0]);

@@ -78,8 +78,8 @@ impl Writers {
         of.single[from.min(until)..until].iter().copied().chain(within).collect()
     }
 
-    /// The last nests that write an element that one reads, of those that write nothing that it
-    /// writes too: these are before or after it by that.
+    /// The last nests that write an element that one reads, of those that share no written element
+    /// with it, which fixes their order.
     fn of_read(&self, i: usize, (var, at): Element) -> Vec<usize> {
         let Some(of) = self.of.get(&var) else { return Vec::new() };
         let own = || self.written[i].iter().filter(|w| w.0 == var);

@@ -6,11 +6,11 @@
 //! since the phase began.
 //!
 //! A schedule becomes three discrete variables (the phase, the time of its beginning, and the phase
-//! being left while a transition runs), one root function a phase, and one program that all
-//! transitions share: first what the phase says for its end, then the next phase. A duration is a
+//! being left while a transition runs) and one root function per phase. All transitions share one
+//! program: first the statements for the end of the phase, then the next phase. A duration is a
 //! root linear in time, so that the integration stops exactly there. A condition is a root for each
-//! of its alternatives that moves during a step, and one that holds when a step starts (a request)
-//! ends the phase before the integration.
+//! of its alternatives that moves during a step. One that holds when a step starts (a request) ends
+//! the phase before the integration.
 
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, moving_clock};
@@ -135,7 +135,7 @@ fn root(exprs: &mut Exprs, symbols: &Symbols<'_>, condition: ExprId) -> (ExprId,
     }
 }
 
-/// A root function, or where it is no number the other one of an `and` or `or` if that decides.
+/// A root function, or if it is not a number the other one of an `and` or `or` if that decides.
 fn decided(exprs: &mut Exprs, value: ExprId, other: ExprId, is_and: bool) -> ExprId {
     let zero = exprs.constant(0.0);
     let (below, above) = (exprs.compare(Compare::Lt, value, zero), exprs.compare(Compare::Le, zero, value));

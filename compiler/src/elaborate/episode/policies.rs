@@ -46,8 +46,8 @@ pub(in crate::elaborate) fn policies<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(Sc
     list
 }
 
-/// Puts what a policy says of actions in the place of their values: what is said of an element
-/// holds against what is said of its array.
+/// Puts a policy's actions in the place of their values: the value of an element replaces that of
+/// its array.
 fn policy_values(l: &mut Lowering<'_, '_>, entries: &[(Expr, Expr)], place: &Place, actions: &[(VarId, i64)], values: &mut [ExprId]) {
     let mut wide_first: Vec<&(Expr, Expr)> = entries.iter().collect();
     wide_first.sort_by_key(|(target, _)| std::cmp::Reverse(breadth(target, &[])));

@@ -33,8 +33,8 @@ impl Field {
     }
 }
 
-/// For each state variable the positions of its elements in the order of declaration: scopes in the
-/// order of the text; inside a scope the arrays over one domain are taken together, cell after
+/// For each state variable the positions of its elements in the order of declaration. Scopes are in
+/// the order of the text; inside a scope the arrays over one domain are taken together, cell after
 /// cell.
 pub(in crate::elaborate) fn state_positions(l: &Lowering<'_, '_>) -> Vec<(VarId, Vec<u32>)> {
     let states = l.variables_of(Role::State);

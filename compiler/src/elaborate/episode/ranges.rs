@@ -6,7 +6,7 @@ use crate::elaborate::lower::place::Place;
 use crate::elaborate::symbols::{Axis, DomainId, SymbolKind, Symbols};
 
 impl<'a> Symbols<'a> {
-    /// For each binder over a range `low..high` whose index stands in `parts` for cells of a domain
+    /// For each binder over a range `low..high` whose index occurs in `parts` for cells of a domain
     /// and nowhere else, its name and the domain.
     pub(in crate::elaborate) fn counted_cells(&self, binders: &[Binder], parts: &[&Expr], place: &Place) -> Vec<(String, DomainId)> {
         let ranges = binders.iter().filter(|b| matches!(b.over, BinderSet::Range(..)));
@@ -39,7 +39,7 @@ impl<'a> Symbols<'a> {
                         _ => self.only_cells(i, name, place, domain),
                     })
             }
-            // These bind names of their own or read neighbours: unrolled.
+            // These bind their own names or read neighbours: unrolled.
             ExprKind::Call { .. } | ExprKind::Reduce { .. } | ExprKind::Derivative(_) | ExprKind::Tuple(_) => false,
             _ => e.children().into_iter().all(|e| self.only_cells(e, name, place, domain)),
         }

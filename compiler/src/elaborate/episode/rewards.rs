@@ -168,7 +168,7 @@ fn instants(l: &Lowering<'_, '_>, e: ExprId) -> (bool, bool) {
 }
 
 impl Values<'_> {
-    /// The factor beside a number, and whether the number is positive.
+    /// The factor of a number, and whether the number is positive.
     fn scaled(&self, a: ExprId, b: ExprId) -> Option<(ExprId, bool)> {
         match (self.exprs.node(a), self.exprs.node(b)) {
             (Expr::Const(bits), _) => Some((b, f64::from_bits(bits) > 0.0)),

@@ -29,7 +29,7 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
             _ => continue,
         };
         for (name, e) in entries {
-            // What a variant says replaces what stands outside; so does what is added to the file.
+            // An entry of a variant, or of text added to the file, replaces one outside.
             let here = (block_around(l.input.files, statement.span), statement.span.file);
             match given.iter().find(|(b, n, place, _)| *b == block && *n == name.text && *place == here) {
                 Some((.., first)) => {

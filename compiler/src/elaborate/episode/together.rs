@@ -133,7 +133,7 @@ fn target(store: &Store) -> Option<VarId> {
 }
 
 /// Returns `true` if an assignment would see what an earlier one of the group, or an earlier pass
-/// of its own loops, has set. An algebraic variable and a rate follow everything that is set.
+/// of the same loops, has set. An algebraic variable and a rate follow everything that is set.
 fn reads_what_is_set(l: &Lowering<'_, '_>, group: &[(bool, Assignment)]) -> bool {
     let mut elements: FastSet<(VarId, i64)> = FastSet::default();
     let mut ranges: FastMap<VarId, Vec<(i64, i64)>> = FastMap::default();

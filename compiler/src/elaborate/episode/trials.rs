@@ -82,8 +82,8 @@ fn refuse_inner(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)]) {
     }
 }
 
-/// Returns whether a statement of a test turns on a variant, so that the model as it stands may not
-/// have what the test names.
+/// Returns whether a statement of a test turns on a variant, so that the present model may not have
+/// what the test names.
 fn changes_the_model(statement: &Statement) -> bool {
     matches!(&statement.kind, StatementKind::TestStep(Written::Choose { word, .. }) if word.text == "variant")
 }

@@ -113,8 +113,8 @@ impl Doubting<'_, '_> {
         unknown
     }
 
-    /// A comparison: unknown if one side is no number, or depends on something unknown. `any` and
-    /// `all` over cells are comparisons, too.
+    /// A comparison: unknown if one side is not a number, or depends on something unknown. `any`
+    /// and `all` over cells are comparisons, too.
     fn unknown_comparison(&mut self, e: ExprId, (op, a, b): (Compare, ExprId, ExprId), doubts: &Doubts) -> ExprId {
         let mut unknown = self.exprs.or(doubts[&a].unknown, doubts[&b].unknown);
         for side in [a, b].into_iter().filter(|side| doubts[side].nan) {

@@ -165,7 +165,7 @@ fn index_over_range(l: &mut Lowering<'_, '_>, binder: &Binder, low: &Expr, high:
 pub(in crate::elaborate) enum IndexOver {
     /// A set or a domain that is declared.
     Axis(Axis),
-    /// Integers that are no set yet.
+    /// Integers that are not a set yet.
     New { name: String, low: i64, high: i64 },
 }
 

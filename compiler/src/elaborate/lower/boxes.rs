@@ -186,8 +186,7 @@ fn refuse_target(l: &mut Lowering<'_, '_>, symbol: SymbolId, var: VarId, span: S
     );
 }
 
-/// The variable that a statement assigns: a symbol, and the element unless the whole array is
-/// meant.
+/// The variable that a statement assigns: a symbol, and the element unless it is the whole array.
 pub(in crate::elaborate) fn target(
     l: &mut Lowering<'_, '_>,
     e: &Expr,

@@ -45,7 +45,7 @@ impl Lowering<'_, '_> {
                 let mut inner = place.clone();
                 inner.depth += 1;
                 let cell = Cell::run(first, count, LoopVar(place.depth));
-                // A loop's frame stands at its depth; reductions beside one another reuse it.
+                // A loop's frame is at its depth; consecutive reductions reuse it.
                 self.loops.frames.truncate(place.depth as usize);
                 self.loops.frames.push(Loop { passes: count, cuts: BTreeSet::new() });
                 let before = (self.ledger.speculation.is_active()).then(|| self.ledger.trace());
@@ -66,7 +66,7 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// Returns `true` if a loop of so many passes may stand here; reports where it may not.
+    /// Returns `true` if a loop of so many passes is allowed here; reports if it is not.
     fn may_nest(&mut self, count: i64, span: Span, place: &Place) -> bool {
         if place.depth as usize >= MAX_DEPTH {
             self.ledger.report(Diagnostic::error(codes::TOO_LARGE, format!("more than {MAX_DEPTH} loops inside one another"), span));

@@ -100,7 +100,7 @@ fn whole_array(l: &Lowering<'_, '_>, e: &Expr, indices: &[Binder], place: &Place
 }
 
 fn missing_default(l: &mut Lowering<'_, '_>, path: &str, role: Role, span: Span, scope: ScopeId) {
-    // A misspelt argument, which was reported, is meant for it.
+    // A misspelt argument, which was reported, is intended for it.
     if role == Role::Param && l.instances.misspelt.contains(&scope) {
         return;
     }

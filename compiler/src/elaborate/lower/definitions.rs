@@ -157,7 +157,7 @@ fn over(binder: &Binder) -> Option<&Ident> {
     }
 }
 
-/// Returns whether a name is no declared set: it stands for the set of the argument.
+/// Returns whether a name is not a declared set: it stands for the set of the argument.
 pub(in crate::elaborate) fn is_generic(l: &Lowering<'_, '_>, set: &Ident, scope: ScopeId) -> bool {
     l.symbols.lookup(scope, &set.text).is_none()
 }

@@ -108,9 +108,9 @@ impl<'a> Lowering<'_, 'a> {
         self.values().in_unit(v, target, e.span, what, declared)
     }
 
-    /// An expression where a unit is declared. The branches of an `if` stand in that place
-    /// themselves: each is taken in the unit, by `taken`, so that a pure number in one of them
-    /// means the same as alone.
+    /// An expression where a unit is declared. The branches of an `if` are in that place
+    /// themselves: `taken` takes each in the unit, so that a pure number in one of them means the
+    /// same as alone.
     pub(in crate::elaborate) fn declared_value(
         &mut self,
         e: &Expr,

@@ -14,7 +14,7 @@ use crate::elaborate::symbols::{Grid, Outside, SymbolId, SymbolKind};
 use crate::ir::{BinaryFn, ExprId, Exprs, Side, UnaryFn};
 
 /// The argument of a table as a number of its unit. A number is taken in that unit; a dimensionless
-/// quantity is no time.
+/// quantity is not a time.
 pub(in crate::elaborate) fn table_argument(l: &mut Lowering<'_, '_>, e: &Expr, unit: &Unit, symbol: SymbolId, place: &Place) -> ExprId {
     let (declared, path) = (l.symbols[symbol].span, l.symbols[symbol].path.clone());
     let word = if matches!(l.symbols[symbol].kind, SymbolKind::Surface { .. }) { "argument" } else { "time" };

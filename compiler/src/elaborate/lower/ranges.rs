@@ -1,10 +1,10 @@
 //! Ranges of whole numbers as loops.
 //!
-//! A set of names is unrolled: what is said of water need not be said of salt. A range of numbers
+//! A set of names is unrolled: statements about water may not hold for salt. A range of numbers
 //! mostly counts: trays, cells of a battery, stages. It is elaborated as one loop first, with its
-//! index as a symbol. Where the body asks for more than a loop can give (a single number, an entry
-//! of a table, a neighbour beyond the range), every trace of the attempt is removed and the range
-//! is unrolled, with the same meaning and with the faults of its single members.
+//! index as a symbol. If the body needs more than a loop can give (a single number, an entry of a
+//! table, a neighbour beyond the range), every trace of the attempt is removed. The range is then
+//! unrolled, with the same meaning and with the faults of its single members.
 
 use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, ExprKind};
 
@@ -54,8 +54,8 @@ impl Lowering<'_, '_> {
         Some((low, high))
     }
 
-    /// Elaborates something with a range as a loop; `None`, and no trace of it, where that was
-    /// refused or at fault.
+    /// Elaborates something with a range as a loop; `None`, and no trace of it, if that was refused
+    /// or invalid.
     pub(in crate::elaborate) fn attempt<T>(&mut self, body: impl FnOnce(&mut Self) -> T) -> Option<T> {
         let before = self.ledger.trace();
         self.ledger.speculation.begin();
@@ -90,8 +90,8 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// The entry of a table at an index that counts; none where one of those that it goes over is
-    /// zero, since terms with it are none at all, or missing.
+    /// The entry of a table at an index that counts. `None` if one of its entries is missing or
+    /// zero, since terms with zero vanish.
     pub(in crate::elaborate) fn table_entry(&mut self, at: Affine, values: &[f64]) -> Option<ExprId> {
         let passes = std::array::from_fn(|d| self.loops.frames.get(d).map(|frame| frame.passes as u32));
         let (low, high) = at.reach(&passes);

@@ -200,8 +200,8 @@ impl Lowering<'_, '_> {
         }
     }
 
-    /// Returns `true` if a term has sums that depend on its loops and not on what is around them:
-    /// as a loop it would work them out again for each pass around it; unrolled, they are shared.
+    /// Returns `true` if a term has sums that depend on its loops and not on those around it. As a
+    /// loop it would compute them again for each outer pass; unrolled, they are shared.
     fn repeats_sums(&self, term: &Term) -> bool {
         let own = term.loops.iter().fold(0, |bits, (v, _)| bits | 1 << v.0);
         let around = self.exprs.free(term.value.expr) & !own;

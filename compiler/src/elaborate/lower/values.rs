@@ -209,8 +209,8 @@ impl Values<'_> {
         Value::of(expr, result)
     }
 
-    /// Warns of a number without a unit beside a percentage or the like, where it is easily meant
-    /// as one too.
+    /// Warns of a number without a unit next to a percentage or the like, which is easily a
+    /// mistake.
     pub(in crate::elaborate) fn warn_of_scale(&mut self, (a, sa): (&Value, Span), (b, sb): (&Value, Span)) {
         for ((number, span), quantity) in [((a, sa), b), ((b, sb), a)] {
             if let (Measure::Bare, Measure::Of(unit)) = (&number.unit, &quantity.unit)

@@ -1,4 +1,4 @@
-//! The statements of the main file with those of the files that it imports in place of the imports.
+//! The statements of the main file, with imports replaced by the statements of their files.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use smpl_dsl::syntax::{File, Statement, StatementKind};
 use crate::elaborate::select::items::{Item, Selection, items, overlay, plain, selected};
 
 /// The items of `files[0]` and of its imports under a selection, and the imports that were not
-/// found; `imports` tells which file a path means.
+/// found; `imports` maps a path to its file.
 pub(in crate::elaborate) fn gathered<'a>(
     files: &'a [File],
     imports: &HashMap<String, usize>,
@@ -45,7 +45,7 @@ impl<'a> Gather<'a, '_> {
         }
     }
 
-    /// Items, with those of the files that they import in place of the imports.
+    /// Items, with imports replaced by the items of their files.
     fn items(&mut self, list: Vec<Item<'a>>, out: &mut Vec<Item<'a>>) {
         for item in list {
             let Item::Other(Statement { kind: StatementKind::Import { path, path_span }, .. }) = item else {

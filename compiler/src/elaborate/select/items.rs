@@ -1,7 +1,7 @@
 //! The statements of a block as single items, with the active variants and choices worked in.
 //!
-//! A statement in an active `variant` or `when` block replaces the items with the same key and is
-//! added where there is none.
+//! A statement in an active `variant` or `when` block replaces the items with the same key, or is
+//! added.
 
 use std::collections::HashMap;
 use std::mem::{Discriminant, discriminant};
@@ -168,7 +168,7 @@ pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     let mut result = Vec::with_capacity(base.len() + over.len());
     for item in base.drain(..) {
         match key(&item).and_then(|own| replaced.get(&own)) {
-            // All overriding items of one key stand where the first overridden one stood.
+            // All overriding items of one key take the place of the first overridden one.
             Some(list) => result.extend(list.iter().filter(|&&i| !std::mem::replace(&mut placed[i], true)).map(|&i| over[i])),
             None => result.push(item),
         }
@@ -262,7 +262,7 @@ enum Key<'a> {
     Table(&'a str),
     /// The time.
     Time,
-    /// A statement of a kind that has names of its own, by kind and name.
+    /// A statement of a kind with its own names, by kind and name.
     Named(Discriminant<StatementKind>, &'a str),
     /// An observation with a name.
     Observed(&'a str),
@@ -335,7 +335,7 @@ pub(crate) fn observed(o: &Observation) -> Result<&str, Form<'_>> {
     }
 }
 
-/// The text of a reference (`J[z.low]`), as a name to be shown; what is no reference has none.
+/// The text of a reference (`J[z.low]`), as a name to be shown; other expressions have none.
 pub(crate) fn reference(e: &Expr) -> String {
     let list = |list: &[Expr]| list.iter().map(reference).collect::<Vec<_>>().join(",");
     match &e.kind {

@@ -7,7 +7,7 @@ use crate::elaborate::lower::{Lowering, defaults, units};
 use crate::elaborate::space::grid;
 use crate::elaborate::symbols::{DomainId, Geometry};
 
-/// Works out the ends of all domains: those that nothing needs may be at fault too.
+/// Computes the ends of all domains: unused ones may also have faults.
 pub(in crate::elaborate) fn check_grids(l: &mut Lowering<'_, '_>) {
     let domains: Vec<DomainId> = l.symbols.domains.keys().collect();
     for domain in domains {

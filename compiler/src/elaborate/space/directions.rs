@@ -37,8 +37,8 @@ pub(in crate::elaborate::space) fn flow(l: &mut Lowering<'_, '_>, e: ExprId, spa
     Ok(Flow { terms, bare, directions })
 }
 
-/// Fields that stand behind one factor in brackets, or have equal factors, flow with each other or
-/// against each other: where both may be meant, it must be said.
+/// Fields behind one factor in brackets, or with equal factors, flow with each other or against
+/// each other: if both are possible, the text must state it.
 fn check_brackets(l: &mut Lowering<'_, '_>, terms: &[Term], faces: &[FaceValue], span: Span) -> Result<(), Box<Diagnostic>> {
     let fields: Vec<Vec<usize>> = terms.iter().map(|t| marks::reading(l).marks_in(t.rest)).collect();
     let keys: Vec<(Vec<(ExprId, bool)>, Interval)> = terms

@@ -17,14 +17,14 @@ pub(in crate::elaborate) struct FaceValue {
     pub span: Span,
     pub face: Face,
     pub place: Place,
-    /// The field in the cell below, or beside the end: tells the fields apart.
+    /// The field in the cell below, or at the end, which distinguishes fields.
     pub beside: ExprId,
     pub mark: ExprId,
     pub range: Interval,
     /// An odd power of the time in its unit, as velocities and flows have it, and what they carry
     /// has not.
     pub odd: bool,
-    /// Stands as velocity in a call of `upwind`.
+    /// Is the velocity in a call of `upwind`.
     pub velocity: bool,
     /// It is what a call of `upwind` carries, and comes from below where this holds.
     pub told: Option<ExprId>,

@@ -1,4 +1,4 @@
-//! Values of fields at faces and beside them.
+//! Values of fields at faces and in adjacent cells.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -184,7 +184,7 @@ pub(in crate::elaborate) fn gradient(l: &mut Lowering<'_, '_>, span: Span, e: &E
     Value::of(expr, gradient_unit)
 }
 
-/// An expression in a cell beside the face: -1 the one below, 0 the one above.
+/// An expression in a cell next to the face: -1 the one below, 0 the one above.
 fn beside(l: &mut Lowering<'_, '_>, face: Face, by: i64, e: &Expr, place: &Place) -> Value {
     let mut inner = place.clone();
     inner.face = None;
@@ -255,8 +255,7 @@ fn told(l: &mut Lowering<'_, '_>, beside: Value, velocity: ExprId, (span, face, 
     Value { expr: mark, unit: beside.unit }
 }
 
-/// A mark for a field's value at a face; `beside` is the field in the cell below, or beside the
-/// end.
+/// A mark for a field's value at a face; `beside` is the field in the cell below, or at the end.
 fn marked(
     l: &mut Lowering<'_, '_>,
     (symbol, index, span): (SymbolId, &[Expr], Span),

@@ -13,7 +13,7 @@ use crate::elaborate::space::{grid, transport};
 use crate::elaborate::symbols::{Axis, DomainId, SymbolId, SymbolKind};
 /// A flux at a face, with its leading indices bound.
 fn flux_at(l: &mut Lowering<'_, '_>, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
-    // It may stand in another flux, whose face values are not its own.
+    // It may be part of another flux, whose face values are not its own.
     let (faces, averaging) = (l.fluxes.faces.take(), std::mem::take(&mut l.fluxes.averaging));
     let v = own_flux_at(l, symbol, leading, face, place);
     (l.fluxes.faces, l.fluxes.averaging) = (faces, averaging);
@@ -96,7 +96,7 @@ pub(in crate::elaborate) fn flux_at_end(l: &mut Lowering<'_, '_>, symbol: Symbol
     flux_at(l, symbol, &leading, Face { domain, at: Cell::single(number) }, &outer)
 }
 
-/// The flux that `div` takes; a fault where it is none.
+/// The flux that `div` takes; a fault if it is not a flux.
 fn flux_named(l: &mut Lowering<'_, '_>, span: Span, e: &Expr, base: &Expr, place: &Place) -> Result<SymbolId, Value> {
     let symbol = match paths::resolve(l, base, place) {
         crate::elaborate::lower::place::Target::Symbol(symbol) => symbol,

@@ -21,8 +21,7 @@ pub(in crate::elaborate::space) fn ratio(l: &mut Lowering<'_, '_>, domain: Domai
     expr
 }
 
-/// Share of a graded domain below its face `k`: (q^k - 1)/(q^n - 1), and its limit where q is 1, of
-/// which the quotient tells nothing.
+/// Share of a graded domain below its face `k`: (q^k - 1)/(q^n - 1), and its limit where q is 1.
 fn share_below(l: &mut Lowering<'_, '_>, q: ExprId, k: ExprId, n: ExprId) -> ExprId {
     let one = l.exprs.constant(1.0);
     let (a, b) = (l.exprs.binary(BinaryFn::Pow, q, k), l.exprs.binary(BinaryFn::Pow, q, n));

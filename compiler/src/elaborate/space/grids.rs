@@ -7,8 +7,8 @@ use crate::elaborate::symbols::DomainId;
 use crate::ir::{Affine, ExprId, Flavour, VarId};
 use crate::model::Grid;
 
-/// Positions of the cells of every domain, as far as parameters determine them. A model at fault
-/// has none: what is wrong with its grids was said.
+/// Positions of the cells of every domain, as far as parameters determine them. An invalid model
+/// has none: the faults of its grids were reported.
 pub(in crate::elaborate) fn grids(l: &mut Lowering<'_, '_>) -> Vec<Grid> {
     if l.ledger.reports.has_errors() {
         return Vec::new();

@@ -167,7 +167,7 @@ fn node(exprs: &Exprs, e: ExprId, of: &dyn Fn(ExprId) -> Known, bounds: &Bounds<
     }
 }
 
-/// A slope of any size, unless there is none.
+/// A slope of any size, unless it is zero.
 fn anything(slope: Interval) -> Interval {
     if slope == Interval::ZERO { slope } else { Interval::ALL }
 }

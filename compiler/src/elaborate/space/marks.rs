@@ -32,7 +32,7 @@ pub(in crate::elaborate::space) struct Term {
     /// Expressions with marks.
     pub rest: ExprId,
     pub marks: Marks,
-    /// Brackets behind a factor in which it stands, and its own factor in there.
+    /// Brackets behind a factor that contain it, and its own factor in there.
     pub bracket: Option<(usize, Interval)>,
     /// Sums around it, the innermost last.
     pub sums: Vec<(LoopVar, u32)>,
@@ -203,7 +203,7 @@ impl Reading<'_, '_> {
         found.then_some(others)
     }
 
-    /// Returns `true` if `what` is said of any node of an expression.
+    /// Returns `true` if `what` holds for any node of an expression.
     pub(in crate::elaborate::space) fn reaches(&self, e: ExprId, what: &mut dyn FnMut(&Self, ExprId) -> bool) -> bool {
         self.exprs.below([e]).any(|e| what(self, e))
     }

@@ -1,4 +1,4 @@
-//! A flux with the values of one side, or a choice, in place of its marks.
+//! A flux with its marks replaced by the values of one side, or by a choice.
 
 use smpl_dsl::syntax::{Expr, ExprKind};
 
@@ -51,7 +51,7 @@ fn mean_slope(l: &mut Lowering<'_, '_>, terms: &[Term], mark: usize, faces: &[Fa
     l.exprs.compare(Compare::Le, zero, product)
 }
 
-/// An expression with other nodes in place of the marks.
+/// An expression with its marks replaced by other nodes.
 pub(in crate::elaborate::space) fn replaced<'m, 'a>(
     l: &mut Lowering<'m, 'a>,
     e: ExprId,
@@ -101,7 +101,7 @@ pub(in crate::elaborate::space) fn turning(
     };
     let velocities: Vec<FastSet<ExprId>> = turns.iter().map(|(_, velocities)| velocities.clone()).collect();
     let mut rest: Vec<ExprId> = summands(l, given_expr, &velocities);
-    // `v*c_in` with a `c_in` of 0 is no wall.
+    // `v*c_in` with a `c_in` of 0 is not a wall.
     let is_nothing = l.exprs.as_const(given_expr) == Some(0.0);
     let mut total = None;
     for (holds, velocities) in &turns {
@@ -120,7 +120,7 @@ pub(in crate::elaborate::space) fn turning(
         rest = stays;
         let bare = carried_bare(l, flow, velocities);
         if is_shared && !bare.is_empty() {
-            // Of which stream the datum is cannot be told.
+            // The stream of the datum is unknown.
             return None;
         }
         let out = carried_out(l, flow, &faces, *holds, &bare);
@@ -146,7 +146,7 @@ fn variables(l: &Lowering<'_, '_>, velocities: &FastSet<ExprId>, faces: &[FaceVa
     l.exprs.below(nodes).filter_map(variable).collect()
 }
 
-/// Returns `true` if one of some variables stands in a text, or in what its names are defined by.
+/// Returns `true` if one of some variables occurs in a text, or in the definitions of its names.
 fn is_multiple(l: &mut Lowering<'_, '_>, text: &Expr, place: &Place, of: &FastSet<VarId>) -> bool {
     let mut seen: FastSet<SymbolId> = FastSet::default();
     let mut stack = vec![(text, place.clone())];

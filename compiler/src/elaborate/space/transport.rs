@@ -1,11 +1,11 @@
 //! Direction of a flux: the cells from which its face values come.
 //!
-//! Where a domain has a directed scheme, the inner expression of a flux is elaborated with a *mark*
-//! in place of each face value first. It is taken apart into terms, a product of *factors* without
-//! marks and of a rest with marks. The sign of the factors says from which side the values of the
-//! rest come. Where bounds and constants tell that all come from below, every trace of this is
-//! removed and the flux is elaborated with those cells at once; else the marks are replaced by the
-//! values of one side, or by a choice.
+//! If a domain has a directed scheme, the inner expression of a flux is first elaborated with a
+//! *mark* for each face value. It is taken apart into terms, a product of *factors* without marks
+//! and of a rest with marks. The sign of the factors says from which side the values of the rest
+//! come. If bounds and constants show that all come from below, every trace of this is removed and
+//! the flux is elaborated with those cells at once. Otherwise the marks are replaced by the values
+//! of one side, or by a choice.
 
 use smpl_dsl::diagnostic::Diagnostic;
 use smpl_dsl::syntax::{Expr, Flux};
@@ -49,7 +49,7 @@ pub(in crate::elaborate) fn directed(l: &mut Lowering<'_, '_>, flux: &Flux, plac
 /// The flux given at an end, where the flow may turn: what is carried in holds while the flow
 /// enters, else the cell's own value.
 ///
-/// `text` is what is given, `outer` where it stands: outside of the flux's own index.
+/// `text` is the argument, `outer` its surroundings: outside of the flux's own index.
 pub(in crate::elaborate) fn entering(
     l: &mut Lowering<'_, '_>,
     (given, text, outer): (Value, &Expr, &Place),

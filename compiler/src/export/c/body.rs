@@ -2,8 +2,8 @@
 //! once.
 //!
 //! The loops around the present place are a stack of texts. A value is written into the text of its
-//! loop, that is before whatever loop inside of it is open; when a loop is closed its text goes
-//! into the one around it.
+//! loop, before any open loop inside of it. When a loop is closed its text goes into the one around
+//! it.
 
 use std::fmt::Write as _;
 

@@ -24,8 +24,8 @@ pub(super) fn unit(text: &str) -> Option<Unit> {
     resolve(declarations.first()?.unit.as_ref()?, &OwnUnits::default(), &mut |_| Ok(Unit::one())).ok()
 }
 
-/// A unit in the SI; `None` where it has parts that the SI does not know (cells, units of activity)
-/// or exponents that are no integers.
+/// A unit in the SI; `None` if it has parts that the SI does not know (cells, units of activity) or
+/// exponents that are not integers.
 pub(super) fn si(unit: &Unit) -> Option<Si> {
     const KNOWN: [&str; 7] = ["m", "kg", "s", "A", "K", "mol", "cd"];
     let mut exponents = vec![];

@@ -1,8 +1,7 @@
 //! Columns of tables.
 //!
-//! Rows of plain numbers are aligned by their starts. Where the author has aligned the rows of a
-//! table, with units and expressions in them, with the names of the columns above, by ends or by
-//! decimal points, that stays.
+//! Rows of plain numbers are aligned by their starts. Rows of a table that the author has aligned
+//! with the names of the columns, by ends or by decimal points, stay aligned so.
 
 /// Cells are compared again after each change, since what is put right may line up with more; this
 /// often.

@@ -46,7 +46,7 @@ impl Follower {
     }
 
     /// Along a direction of a kind, what it is taken by moves by its magnitude. Along other
-    /// directions it moves as it does: what is asked for beside them changes none of them.
+    /// directions it moves as before: additional directions do not change the others.
     fn seed(&mut self, region: &Range<usize>, place: impl Fn(Direction) -> Option<usize>) {
         for direction in 0..self.directions.len() {
             if let Some((at, scale)) = self.of(direction, &place) {

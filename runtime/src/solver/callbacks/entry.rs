@@ -1,10 +1,10 @@
 //! The functions whose addresses IDA holds, and the objects that name them.
 //!
 //! IDA calls them with the address of the bridge, which [`Memory`](super::super::sundials::Memory)
-//! keeps as long as IDA's memory, and with vectors that are ours or clones of ours, those that are
-//! written others than those that are read. No other code has a reference to the bridge meanwhile:
-//! `Memory` is borrowed exclusively, and a callback within a callback (Newton's method has IDA set
-//! the matrix up) holds none.
+//! keeps as long as IDA's memory, and with vectors that are ours or clones of ours. Written vectors
+//! are distinct from read ones. No other code has a reference to the bridge meanwhile: `Memory` is
+//! borrowed exclusively, and a callback within a callback (Newton's method has IDA set the matrix
+//! up) holds none.
 
 use std::os::raw::{c_int, c_void};
 use std::ptr;

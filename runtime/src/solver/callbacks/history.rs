@@ -106,8 +106,8 @@ impl History {
         self.times[1]
     }
 
-    /// Makes the polynomial of the last step, of this order if there are points for it, and bounds
-    /// the unknowns over the step: by the straight line between its ends, and by what bows it.
+    /// Makes the polynomial of the last step, of this order if there are points for it. Bounds the
+    /// unknowns over the step by the straight line between its ends and by the curvature.
     pub(super) fn enclose_step(&mut self, order: usize) {
         let degree = order.min(self.count.saturating_sub(1));
         self.degree = degree;

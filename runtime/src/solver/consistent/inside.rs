@@ -31,9 +31,9 @@ struct Point<'a> {
 }
 
 impl Consistent {
-    /// As [`initialise`](Self::initialise), with the solution inside of the bounds of the algebraic
-    /// unknowns where there is one: the guess is moved into the bounds, steps are cut there, and
-    /// other guesses are tried. With `first` unset, `y` was consistent before: the nearest solution
+    /// As [`initialise`](Self::initialise), with a solution inside of the bounds of the algebraic
+    /// unknowns if there is one. The guess is moved into the bounds, steps are cut there, and other
+    /// guesses are tried. With `first` unset, `y` was consistent before: the nearest solution
     /// inside is taken if it is nearer than the one outside, or if that one is far away. Where that
     /// one is far away and none is found inside, there is no solution. A first solution is outside
     /// of the bounds where none is found inside.

@@ -9,7 +9,7 @@
 //! [`Substitution`](super::substitution::Substitution) solves.
 //!
 //! Pivots are the diagonal entries, in an order of minimum degree: Newton matrices of stiff
-//! systems, c − ∂f/∂y, allow that nearly always, and where an entry turns out to be no pivot,
+//! systems, c − ∂f/∂y, nearly always allow that. If an entry turns out to be unfit as a pivot,
 //! [`Klu`] takes over until [`Block::forget`]. Structure is found once; a factorisation is then a
 //! pass over numbers whose places are known.
 

@@ -3,9 +3,8 @@
 //! Substitution is a set of sums, each over the right-hand side and the results of other sums. Sums
 //! that do not wait for each other form a level (Anderson & Saad, *Solving sparse triangular linear
 //! systems on parallel computers*, Int. J. High Speed Computing 1, 1989). Cells of a grid and rows
-//! of a block give sums of the same form in the same level: four of them make a chunk, whose
-//! results are adjacent and are then the four operands of chunks that follow, one load instead of
-//! four.
+//! of a block give sums of the same form in the same level. Four of them make a chunk, whose
+//! adjacent results are the four operands of later chunks: one load instead of four.
 
 mod schedule;
 
@@ -197,8 +196,8 @@ impl Substitution {
         let operand = results;
         let mut factors = self.factors.as_ptr().cast::<[f64; LANES]>();
         let mut places = self.operands.as_ptr();
-        // SAFETY: `Schedule` made turns that add up to the number of factors and places, operands
-        // that were written before, or are followed by `LANES` numbers, and results that follow the
+        // SAFETY: `Schedule` made turns that add up to the number of factors and places. Operands
+        // were written before, or are followed by `LANES` numbers, and results follow the
         // right-hand side in the order of the chunks.
         unsafe {
             results = results.add(self.results.len());

@@ -235,11 +235,10 @@ impl Run<'_> {
         false
     }
 
-    /// Brings the algebraic unknowns at the end of a step to their equations, which a linearly
-    /// implicit step meets by their slopes at its beginning alone, and the error test leaves out.
-    /// Returns what that changes, in tolerances: the step times the change of the rates, or the
-    /// unknowns themselves, of which the polynomial is then as far off. NaN where there is
-    /// no solution.
+    /// Solves the equations of the algebraic unknowns at the end of a step. A linearly implicit
+    /// step satisfies only their slopes at its beginning, and the error test omits them. Returns
+    /// what that changes, in tolerances: the step times the change of the rates, or the unknowns
+    /// themselves, of which the polynomial is then as far off. NaN where there is no solution.
     fn close(&mut self, last: bool) -> f64 {
         let OneStep { frame, algebra, inside: [before, rates], longest_interval, .. } = &mut *self.one;
         let Some(algebra) = algebra else { return 0.0 };

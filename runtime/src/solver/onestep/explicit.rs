@@ -5,9 +5,9 @@ use super::dop853::*;
 use super::frame::{Frame, surround};
 use super::numbers::{Quad, Quads, bound_bow, combine, set, sum, weighted, widened, zeros};
 
-/// Factor of the error of order 5 where a step is doubtful: with it, 400 random chains of kinks
-/// (half waves, 1 to 24 in an interval, tolerances 1e-4 to 1e-8) were within half of their bound,
-/// without it one in 400 was beyond, for 3 % fewer evaluations.
+/// Factor of the error of order 5 for a doubtful step. With it, 400 random chains of kinks (half
+/// waves, 1 to 24 in an interval, tolerances 1e-4 to 1e-8) were within half of their bound. Without
+/// it one in 400 exceeded the bound, for 3 % fewer evaluations.
 const DOUBT: f64 = 10.0;
 
 /// Factor of the error of order 3 where a kink may be in any step: as large as that of order 5
@@ -153,10 +153,9 @@ impl Explicit {
         surround(frame, fours, [&frame.begin_rates, k6, k7, k9, k10, k11, &frame.end_rates], (least, most));
     }
 
-    /// Bounds of the unknowns in some fours over the last step without its polynomial: those of
-    /// Hermite's cubic, widened by as much as the rates of stages inside of the step differ from
-    /// its slopes. What is added to the cubic is zero at both ends, so that it is half of that at
-    /// most.
+    /// Bounds of the unknowns in some fours over the last step without its polynomial. They are
+    /// those of Hermite's cubic, widened by the difference of the rates of inner stages from its
+    /// slopes. What is added to the cubic is zero at both ends, so that it is half of that at most.
     pub(super) fn enclose(&self, frame: &Frame, fours: &[u32], least: &mut [Quad], most: &mut [Quad]) {
         let h = frame.h;
         let [_, _, _, _, k6, k7, k8, k9, k10, k11, _] = &self.k;

@@ -1,9 +1,9 @@
 //! The matrix of a Rosenbrock step, factorised once and solved with many times.
 //!
-//! Up to eight unknowns it is inverted: eight products with a matrix in registers take a third of
-//! the time of eight substitutions, whose operations wait for each other, and the error of the
-//! solution is bounded alike (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd
-//! edition (SIAM, 2002), section 14.1).
+//! Up to eight unknowns it is inverted. Eight products with a matrix in registers take a third of
+//! the time of eight substitutions, whose operations wait for each other. The error of the solution
+//! is bounded alike (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd edition
+//! (SIAM, 2002), section 14.1).
 
 use super::super::linear::{Factorisation, Singular};
 use super::super::{LinearSolver, Pattern, SolveError};

@@ -9,8 +9,8 @@ use super::rosenbrock::Rosenbrock;
 use super::short::Short;
 
 /// A step of the explicit method times the largest eigenvalue from which on stability bounds it
-/// (6.1 on the negative axis, where an estimate below is as frequent as one above), how many of
-/// them tell, and how many others in a row say the contrary.
+/// (6.1 on the negative axis, where estimates below are as frequent as above). The number of such
+/// steps that decide, and of others in a row that revoke it.
 const STABLE: f64 = 5.0;
 const MISFITS: u32 = 6;
 const CALM: u32 = 6;

@@ -16,9 +16,9 @@ pub(super) type Quads = Box<[Quad]>;
 /// Unknowns from which on wider instructions gain more than it costs to ask for them.
 pub(crate) const LONG: usize = 8;
 
-/// Defines a function of a number of unknowns and some arguments that runs another one of these
-/// arguments, compiled for AVX2 where the unknowns are many and the processor has it. Products are
-/// rounded before they are summed: same results.
+/// Defines a function of a number of unknowns and some arguments that runs another one. With many
+/// unknowns it is compiled for AVX2 if the processor has it. Products are rounded before they are
+/// summed: same results.
 macro_rules! widened {
     (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $portable:path) => {
         fn $name(unknowns: usize, $($argument: $type),*) $(-> $result)? {

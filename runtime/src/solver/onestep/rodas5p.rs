@@ -1,11 +1,11 @@
-//! Coefficients of Rodas5P: a stiffly accurate, L-stable Rosenbrock method of order 5 with an
-//! embedded one of order 4 and a dense output of order 4, for systems of index 1.
+//! Coefficients of Rodas5P, a stiffly accurate, L-stable Rosenbrock method of order 5 for systems
+//! of index 1, with embedded method and dense output of order 4.
 //!
 //! G. Steinebach, Construction of Rosenbrock–Wanner method Rodas5P and numerical benchmarks within
-//! the Julia Differential Equations package, *BIT Numer. Math.* 63 (2023) 27. In the form that
-//! needs no product with the Jacobian (Hairer and Wanner, *Solving Ordinary Differential Equations
-//! II*, 2nd edition (Springer, 1996), section IV.7): the stages U solve (M/(hγ) − J) Uᵢ = f(t + cᵢ
-//! h, y + Σ aᵢⱼ Uⱼ) + M Σ Cᵢⱼ Uⱼ / h + h dᵢ ∂f/∂t.
+//! the Julia Differential Equations package, *BIT Numer. Math.* 63 (2023) 27. The form needs no
+//! product with the Jacobian (Hairer and Wanner, *Solving Ordinary Differential Equations II*, 2nd
+//! edition (Springer, 1996), section IV.7). The stages U solve (M/(hγ) − J) Uᵢ = f(t + cᵢ h, y + Σ
+//! aᵢⱼ Uⱼ) + M Σ Cᵢⱼ Uⱼ / h + h dᵢ ∂f/∂t.
 //!
 //! Stage 7 begins at that of stage 6 plus U₆, stage 8 at that plus U₇, the step ends at that plus
 //! U₈, which is the estimate of the error.

@@ -72,8 +72,8 @@ fn constant(panel: &Panel) -> Option<String> {
 
 /// Keeps those panels that fit a page, in their order, and returns the names of the others.
 ///
-/// Of each part of the page those stay that come first by rank (observed, with bounds or set-point,
-/// states, the rest), and within a rank those that vary most, relative to their size. `maps` is the
+/// Each part of the page keeps the first ones by rank (observed, with bounds or set-point, states,
+/// the rest). Within a rank, it keeps those that vary most relative to their size. `maps` is the
 /// number of panels that a field has.
 fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
     let count = |part: Part, most: usize| {

@@ -1,6 +1,5 @@
-//! Pictures to look into: the SVG drawing, the numbers behind it, and a small script that reads
-//! them out where it is pointed at and makes a part of the time as wide as the page. Nothing is
-//! fetched.
+//! Interactive pictures: the SVG drawing, its numbers, and a small script that shows values at the
+//! pointer and enlarges a part of the time axis. Nothing is fetched.
 
 use serde_json::{Value, json};
 

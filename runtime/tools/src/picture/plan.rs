@@ -117,9 +117,9 @@ fn split(list: &str, separator: char) -> Vec<String> {
 
 /// The panels that the names ask for; a sensible choice if missing.
 ///
-/// A name is that of a quantity (`T`, `R1.c`), of one of its numbers (`R1.c[tropine,3]`), of some
-/// of them (`R1.c[tropine,*]`), of a column (`obs.T`, `reward.yield`), of all of a role (`states`),
-/// or `all`. `profile:col.c` are curves over space, `T+T_c` share a panel.
+/// A name is that of a quantity (`T`, `R1.c`), of an element (`R1.c[tropine,3]`), of some elements
+/// (`R1.c[tropine,*]`), of a column (`obs.T`, `reward.yield`), of a role (`states`), or `all`.
+/// `profile:col.c` are curves over space, `T+T_c` share a panel.
 ///
 /// # Errors
 /// See [`ShowError`].
