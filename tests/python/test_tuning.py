@@ -86,7 +86,7 @@ def test_a_file_of_another_study_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"another study \(it differs in: algorithm, seed\)"):
         tune(replace(SEARCH, seed=9, algorithm="A2C"), path, 1, objective=bowl)
     (tmp_path / "text").write_text("this is no database, but a text of more than a hundred characters " * 9)
-    with pytest.raises(ValueError, match="text is no study"):
+    with pytest.raises(ValueError, match="text is not a study"):
         tune(SEARCH, tmp_path / "text", 1, objective=bowl)
 
 

@@ -1,4 +1,4 @@
-"""The configuration of the suites of learned policies: `benchmark.yaml`, and a user's file over it."""
+"""Configuration of the suites of learned policies: `benchmark.yaml` and a user's file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PROCESS = (
     "algorithms",
     "spaces",
 )
-# What says what a process of somebody's own is, and what runs beside the policies that it declares.
+# Keys that describe a user's process, and the runs in addition to its declared policies.
 _OF_ONES_OWN, _BESIDE = ("model", "arguments"), "controllers"
 _SIZES = ("validation", "data")
 # What a number of steps is of, see `_kind`; what a data set is made by.
@@ -58,11 +58,11 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: It
     Args:
         path: a file over the one of this package.
         tuned: with the hyperparameters that were tuned for the package.
-        own: processes that are none of the package, and that the file need not say the model of.
+        own: processes that are not in the package, for which the file need not name the model.
 
     Raises:
         ImportError: PyYAML is missing.
-        ValueError: the file is none, or names what there is not.
+        ValueError: the file is not a configuration, or has unknown names.
     """
     yaml = load("yaml", "this suite")
     package, found = (yaml.safe_load(file.read_text(encoding="utf-8")) for file in (OWN, TUNED))
@@ -75,10 +75,10 @@ def read(path: str | os.PathLike[str] | None = None, tuned: bool = True, own: It
 
 
 def of_file(path: str | os.PathLike[str]) -> Mapping[str, Any]:
-    """What a user's file says, without the configuration of this package beneath.
+    """Content of a user's file, without the configuration of this package beneath.
 
     Raises:
-        ValueError: the file is none.
+        ValueError: the file is not a configuration.
     """
     import yaml
 
@@ -100,14 +100,13 @@ def settings(configuration: Mapping[str, Any], suite: str, env: str, algorithm: 
     """All that a run is trained with, as JSON has it.
 
     Raises:
-        ValueError: a number or a formulation that cannot be meant.
+        ValueError: an invalid number or formulation.
     """
     sizes, process = configuration["budgets"][budget], configuration["processes"].get(env, {})
     own = process.get("algorithms", {}).get(suite, {}).get(algorithm, {})
     kind = _kind(suite, algorithm)
     sized = sizes.get("hyperparameters", {}).get(suite, {}).get(algorithm, {})
-    # Of `smoke` nothing is taken but that it is short; elsewhere what is said of a process goes
-    # before.
+    # `smoke` only shortens runs; in other budgets the entries of a process come first.
     ordered = (own, sized) if budget == "smoke" else (sized, own)
     hyper = {**configuration["algorithms"][suite][algorithm], **ordered[0], **ordered[1]}
     steps = {**sizes["steps"], **process.get("steps", {}).get(budget, {})}
@@ -205,7 +204,7 @@ def _check_process(name: str, one: Mapping[str, Any], base: Mapping[str, Any], o
 
 
 def _check_algorithms(what: str, given: Any, base: Mapping[str, Any]) -> None:
-    """Refuse what is no mapping from suites to algorithms to names."""
+    """Refuses everything but a mapping from suites to algorithms to names."""
     for suite, one in _section(what, given, SUITES).items():
         for algorithm, named in _section(f"{what}.{suite}", one, tuple(base["algorithms"][suite])).items():
             _section(f"{what}.{suite}.{algorithm}", named)
@@ -215,7 +214,7 @@ def _section(what: str, given: Any, known: Sequence[str] | None = None) -> Mappi
     """A part of the file, which is a mapping, of these names if there are any.
 
     Raises:
-        ValueError: it is none, or has others; the message lists the right ones.
+        ValueError: it is not a mapping, or has other names; the message lists the valid ones.
     """
     if not isinstance(given, Mapping):
         raise ValueError(f"{what} is {given!r}, expected a mapping" + (f" of {', '.join(known)}" if known else ""))

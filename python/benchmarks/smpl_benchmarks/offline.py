@@ -36,13 +36,14 @@ class D3rlpyTrainer:
         data: the data set, of the environment's own actions.
         formulation: its rewards are used.
         hyperparameters: of the configuration class (`CQLConfig`).
-        scalers: `observation`, `action`, `reward` to what scales them by the data set, `standard` or `min_max`.
-        form: the formulation in the environment of the data, whose observations and actions the policy then has too;
-            none to learn the environment's own.
+        scalers: `observation`, `action`, `reward` to what scales them by the data set, `standard`
+            or `min_max`.
+        form: the formulation in the environment of the data, whose observations and actions the
+            policy then has too; none to learn the environment's own.
 
     Raises:
         ImportError: d3rlpy is missing.
-        ValueError: an unknown algorithm, hyperparameter or scaler, or data that are none of the formulation.
+        ValueError: an unknown algorithm, hyperparameter or scaler, or data of another formulation.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class D3rlpyTrainer:
             raise ValueError(f"{algorithm} has no hyperparameter {', '.join(unknown)}; there are: {', '.join(known)}")
         check_numbers(algorithm, hyperparameters, {name: one.default for name, one in known.items()})
         self._config, self._hyper, self._scalers = config, deepcopy(dict(hyperparameters)), dict(scalers or {})
-        self._made_scalers()  # told now, not after hours
+        self._made_scalers()  # reported now, not after hours
         self._data = self._d3rlpy.dataset.MDPDataset(**formulated_arrays(data, formulation, form))
         self._data.sample_transition_batch = Batches(self._data)
         self._form = form
@@ -115,8 +116,9 @@ class D3rlpyTrainer:
 class Batches:
     """Random batches of a data set of d3rlpy: the same ones by the same seed, taken from arrays.
 
-    d3rlpy picks and stacks the transitions of a batch one by one, which takes 2.0 ms for 256 of five observations,
-    where a gradient step of BC takes 0.6 ms and one of TD3 10 ms; from arrays it takes 0.1 ms.
+    d3rlpy picks and stacks the transitions of a batch one by one, which takes 2.0 ms for 256 of
+    five observations; from arrays it takes 0.1 ms. A gradient step of BC takes 0.6 ms and one of
+    TD3 10 ms.
     """
 
     def __init__(self, data: MDPDataset) -> None:
@@ -134,7 +136,7 @@ class Batches:
 
 
 def formulated_arrays(data: Iterable[Episode], formulation: Formulation, form: Form | None = None) -> dict[str, Any]:
-    """The episodes in the layout of d3rlpy: rewards of the formulation; with `form`, its observations and actions."""
+    """The episodes in the layout of d3rlpy, with the formulation's rewards and spaces."""
     return dict(d3rlpy_arrays(rewarded(one, formulation) if form is None else formulated(one, form) for one in data))
 
 

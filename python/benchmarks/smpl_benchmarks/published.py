@@ -1,10 +1,11 @@
-"""`python -m smpl.published --out DIR`: the published figures beside those of this package, in one table.
+"""`python -m smpl.published --out DIR`: published figures and those of this package.
 
-A row is a controller in an environment of the original implementation (`legacy`). Its episodes are run in parts, each
-added to a file, so that what was stopped goes on; the table is made of the files. What a row needs and this
-installation does not have is said in place of its figures.
+A row is a controller in an environment of the original implementation (`legacy`). Its episodes are
+run in parts, each added to a file, so that what was stopped goes on; the table is made of the
+files. A row reports missing requirements of this installation instead of its figures.
 
-The figures are those of the SMPL paper and its data sets: mean and population standard deviation over all steps.
+The figures are those of the SMPL paper and its data sets: mean and population standard deviation
+over all steps.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ class Row:
         env: name of the environment.
         arguments: of the environment.
         controller: name of a baseline, or a function that makes the controller.
-        mean, deviation: as published; no deviation where there is none.
+        mean, deviation: as published; deviation may be None.
         what: what they are and where they are from.
         episodes: in a repetition; repetitions: with other seeds.
         options: of the baseline.
         starts: where the episodes start, see `smpl.learning`.
-        special: runs the episodes of a repetition in a way of its own.
+        special: function that runs the episodes of a repetition.
         returns: whether the published figure is one of returns, not of steps.
     """
 
@@ -75,7 +76,7 @@ class Row:
 
 
 def original_seed() -> tuple[dict[str, float], dict[str, float], FloatArray]:
-    """State, parameters and disturbances of the batch that the original PenSim draws with its seed 1."""
+    """State, parameters and disturbances of the original PenSim's batch with seed 1."""
 
     def draw(offset: int) -> float:
         return float(np.random.RandomState(1 + offset).randn())
@@ -122,7 +123,7 @@ def _seed_one(row: Row, repetition: int) -> Iterable[Episode]:
 
 
 def _chained(row: Row, repetition: int) -> Iterable[Episode]:
-    """Only the first episode starts from a sample; the others where the one before ended, as the original's do."""
+    """Only the first episode starts from a sample; others start at the end of the last one."""
     env = Env(Task.of(f"smpl/{row.env}-v0", **row.arguments).model, normalize=False)
     options: dict[str, Any] | None = None
     for number in range(row.episodes):
@@ -205,7 +206,7 @@ def published(
         run: false makes the table of what is there.
 
     Raises:
-        ValueError: no such row, or a share that is none.
+        ValueError: an unknown row, or an invalid share.
     """
     known = [row.name for row in ROWS]
     wrong = [name for name in names if name not in known]
@@ -335,7 +336,7 @@ def _pooled(part: Part) -> tuple[float, float]:
 
 
 def _searched(folder: Path, searches: int, row: Row, progress: bool, run: bool) -> dict[str, Any]:
-    """The search over recipes, its points in `search.csv`; figures of the clipped rewards of all its batches."""
+    """The search over recipes, with points in `search.csv`; figures of clipped rewards."""
     from smpl.controllers.bayesian import BayesianOptimization
     from smpl.controllers.pensim import FEED, Recipe
 
@@ -375,7 +376,7 @@ def _searched(folder: Path, searches: int, row: Row, progress: bool, run: bool) 
 
 
 class _Batches:
-    """Batches of PenSim with the original's seed 1: sum and squares of the clipped rewards, and steps, of each."""
+    """Batches of PenSim with the original's seed 1: sums, squares and steps of clipped rewards."""
 
     def __init__(self, model: Model, recipe: Any, feed: str, file: Path) -> None:
         self._model, self._recipe, self._feed, self._file = model, recipe, feed, file
@@ -403,7 +404,7 @@ class _Batches:
         return np.array(lines, dtype=np.float64).reshape(-1, 3)
 
     def keep(self, count: int) -> None:
-        """Take rows off the file that belong to no point of the search, which was stopped before it had them."""
+        """Removes rows of the file without a point of the search, which was stopped before."""
         if self._file.is_file():
             rows = self._file.read_text(encoding="utf-8").splitlines(keepends=True)[:count]
             self._file.write_text("".join(rows), encoding="utf-8")
@@ -448,7 +449,7 @@ def _rows(table: Sequence[dict[str, Any]]) -> list[list[str]]:
 
 
 def _spread(row: dict[str, Any], returned: bool) -> str:
-    """What the repetitions range over."""
+    """Range of the repetitions."""
     if len(row["means"]) < 2:
         return ""
     parts = [row["returns"]] if returned else [row["means"], row["stds"]]
@@ -469,9 +470,9 @@ def _write(path: Path, text: str) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status is 1 where it cannot be done."""
-    parser = argparse.ArgumentParser("python -m smpl.published", description="The published figures beside ours.")
+    parser = argparse.ArgumentParser("python -m smpl.published", description="The published figures and ours.")
     parser.add_argument(
-        "rows", nargs="*", metavar="ROW", help=f"rows in place of all: {', '.join(r.name for r in ROWS)}"
+        "rows", nargs="*", metavar="ROW", help=f"rows instead of all: {', '.join(r.name for r in ROWS)}"
     )
     parser.add_argument("--out", default="published", metavar="DIR", help="folder of the parts and of the table")
     parser.add_argument("--scale", type=float, default=1.0, metavar="S", help="share of the episodes")

@@ -45,7 +45,7 @@ def register() -> None:
 
 
 class RLlibTrainer:
-    """An algorithm of RLlib, in this process. Its runs are not the same to the bit when they are repeated.
+    """An algorithm of RLlib, in this process. Repeated runs differ in bits.
 
     Args:
         algorithm: `RLlib-PPO`, ...

@@ -1,4 +1,4 @@
-"""`python -m smpl.benchmark tune --env NAME --algorithm NAME`: the command of `smpl_benchmarks.tuning`."""
+"""`python -m smpl.benchmark tune --env NAME --algorithm NAME`, see `smpl_benchmarks.tuning`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--algorithm", required=True, metavar="NAME")
     parser.add_argument("--budget", default="short", help=f"of a training: {', '.join(BUDGETS)}")
     parser.add_argument("--trials", type=int, default=20, metavar="N", help="in all, those of earlier calls included")
-    parser.add_argument("--steps", type=int, metavar="N", help="of a training, in place of the budget's")
+    parser.add_argument("--steps", type=int, metavar="N", help="of a training, instead of the budget's")
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help="trainings a trial")
     parser.add_argument("--episodes", type=int, metavar="N", help="that a policy is scored on")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the proposals and the trainings")
@@ -41,7 +41,7 @@ def _tune(given: argparse.Namespace, command: str) -> int:
         given.env, given.algorithm, suite=given.suite, budget=given.budget, seed=given.seed, seeds=given.seeds,
         steps=given.steps, episodes=given.episodes, config=given.config,
     )  # fmt: skip
-    given.out.parent.mkdir(parents=True, exist_ok=True)  # told now, not after hours
+    given.out.parent.mkdir(parents=True, exist_ok=True)  # reported now, not after hours
     study = given.study or Path("tuning") / f"{search.suite}-{search.env}-{search.algorithm}.sqlite3"
     told = None if given.quiet else _tell
     trials = tune(search, study, given.trials, workers=given.workers, told=told)

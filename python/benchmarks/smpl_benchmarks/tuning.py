@@ -1,11 +1,12 @@
-"""Hyperparameters of an algorithm on a process, searched by Optuna (extra `tune`): `python -m smpl.benchmark tune`.
+"""Search for hyperparameters of an algorithm on a process by Optuna (extra `tune`).
 
-A study is a file (SQLite) that the same command goes on from. Trial 0 has the hyperparameters of `benchmark.yaml`,
-whatever was tuned since; the others are proposed by a tree-structured Parzen estimator (Bergstra et al. 2011), and
-stopped early where they are behind the median of the others after as many steps. What a trial proposes depends on the
-trials before it and on the seed alone, so that a study that was cut off ends as one that was not. The score of a trial
-is the mean reward of a step, of the best policy of each training, on episodes that neither the benchmark's validation
-nor its scores have.
+A study is a file (SQLite) that the same command goes on from. Trial 0 has the hyperparameters of
+`benchmark.yaml`, whatever was tuned since. A tree-structured Parzen estimator (Bergstra et al.
+2011) proposes the others. They are stopped early if they are behind the median of the others after
+as many steps. What a trial proposes depends on the trials before it and on the seed alone, so that
+a study that was cut off ends as one that was not. The score of a trial is the mean reward of a
+step, of the best policy of each training, on episodes that neither the benchmark's validation nor
+its scores have.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ Objective = Callable[[Mapping[str, Any], Callable[[int, float], None]], float]
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched: all that a study is a function of.
+    """A search: all inputs that determine a study.
 
     Attributes:
         suite, env, algorithm, budget: of the benchmark.
@@ -53,7 +54,8 @@ class Search:
         space: name of a hyperparameter to its choices (a list) or its range (`low`, `high`, `log`).
         checksum: of the model.
         run: of the benchmark, whose environment it is; `described` leaves it out.
-        configured: what the user's configuration says of all this, with which it is written; left out as well.
+        configured: what the user's configuration says of all this, with which it is written; left
+            out as well.
     """
 
     suite: str
@@ -70,7 +72,7 @@ class Search:
     configured: dict[str, Any] = field(default_factory=dict)
 
     def described(self) -> dict[str, Any]:
-        """What says which search it is."""
+        """Identity of the search."""
         return {key: value for key, value in asdict(self).items() if key not in ("run", "configured")}
 
     @classmethod
@@ -83,8 +85,8 @@ class Search:
         Args:
             env, algorithm, suite, budget: as of the benchmark.
             seed, seeds: see the attributes.
-            steps: of a training in place of the budget's.
-            episodes: that a policy is scored on, in place of the budget's validation.
+            steps: of a training instead of the budget's.
+            episodes: that a policy is scored on, instead of the budget's validation.
             config: a YAML file over the configuration of the package.
 
         Raises:
@@ -128,10 +130,10 @@ class _StoppedEarlyError(Exception):
 
 
 def space_of(given: Mapping[str, Any], suite: str, env: str, algorithm: str) -> dict[str, Any]:
-    """What may be searched of an algorithm: the entry `spaces` of the configuration, the process's own over it.
+    """Search space of an algorithm: the entry `spaces` of the configuration and of the process.
 
     Raises:
-        ValueError: there is none, or it cannot be meant.
+        ValueError: it is missing or invalid.
     """
     own = given["processes"].get(env, {}).get("spaces", {}).get(suite, {}).get(algorithm, {})
     space = {**given["spaces"].get(suite, {}).get(algorithm, {}), **own}
@@ -168,11 +170,13 @@ def tune(
 
     Args:
         search: what is searched.
-        study: file of the study; made if it is not there. Data sets to learn from are kept in `data` beside it.
+        study: file of the study; made if it is not there. Data sets to learn from are kept in
+            `data` next to it.
         trials: in all, the one that changes nothing included.
-        objective: in place of training: score of hyperparameters, and what to call with steps and scores on the way.
+        objective: instead of training: score of hyperparameters, and a function to call with
+            intermediate steps and scores.
         workers: threads or processes of validations.
-        told: called with each trial that is finished.
+        told: function that is called with each finished trial.
         seconds: no trial begins after so many; no limit if None.
 
     Returns:
@@ -208,14 +212,14 @@ def best(trials: Sequence[Trial]) -> Trial:
     """
     scored = [one for one in trials if one.score is not None]
     if not scored:
-        raise ValueError(f"no trial has a score: {trials[-1].ended if trials else 'there is none'}")
+        raise ValueError(f"no trial has a score: {trials[-1].ended if trials else 'no trials'}")
     return max(scored, key=lambda one: (one.score, -one.number))
 
 
 def _configured(config: Any, run: Run, env: str) -> dict[str, Any]:
-    """What the user's configuration says of a run: its process, hyperparameters of its algorithm, its budget.
+    """A run in the user's configuration: process, hyperparameters, budget.
 
-    The process of a model of somebody's own has its `model`, absolute or relative as it was given.
+    The process of a user's model has its `model`, absolute or relative as given.
     """
     given = {} if config is None else configuration.of_file(config)
     process = dict(given.get("processes", {}).get(run.env, {}))
@@ -234,10 +238,10 @@ def _configured(config: Any, run: Run, env: str) -> dict[str, Any]:
 
 
 def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> None:
-    """Write what was found as a configuration that the benchmark reads; what else the file has stays.
+    """Writes the result as a configuration for the benchmark; other entries of the file stay.
 
-    With it goes what the search had of a configuration of the user: the next command has the same settings by this file
-    alone, and finds a model of somebody's own by it.
+    It includes the search's part of the user's configuration. The next command has the same
+    settings by this file alone, and finds a user's model by it.
 
     Raises:
         ValueError: the file that is there is no configuration, or no trial has a score.
@@ -247,7 +251,7 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
     found = best(trials)
     there = yaml.safe_load(path.read_text(encoding="utf-8")) or {} if path.is_file() else {}
     if not isinstance(there, Mapping):
-        raise ValueError(f"{path} is no configuration: remove it, or give another file")
+        raise ValueError(f"{path} is not a configuration: remove it, or give another file")
     about = {
         "command": command, "trials": len(trials), "stopped_early": sum(one.ended == EARLY for one in trials),
         "score": found.score, "score_before": trials[0].score, "steps": search.settings["steps"],
@@ -268,7 +272,7 @@ def write(search: Search, trials: Sequence[Trial], command: str, path: Path) -> 
             inner[key] = inner.get(key) or {}
             inner = inner[key]
         inner[search.algorithm] = value
-    head = "# Written by `python -m smpl.benchmark tune`; the commands stand below.\n"
+    head = "# Written by `python -m smpl.benchmark tune`; the commands are below.\n"
     temporary = path.with_name(f".{path.name}.tmp")
     temporary.write_text(head + yaml.safe_dump(content, sort_keys=False, width=120), encoding="utf-8")
     temporary.replace(path)
@@ -356,7 +360,7 @@ def _open(optuna: Any, search: Search, study: Path) -> Any:
 
 @contextmanager
 def _told(study: Path) -> Any:
-    """Turn what the database says of a file that is none into a word of ours."""
+    """Converts the database's error about an invalid file into our own."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -364,11 +368,11 @@ def _told(study: Path) -> Any:
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("sqlalchemy", "sqlite3", "optuna"):
             raise
-        raise ValueError(f"{study} is no study ({str(error).splitlines()[0]}): give another file") from error
+        raise ValueError(f"{study} is not a study ({str(error).splitlines()[0]}): give another file") from error
 
 
 def _bury(optuna: Any, opened: Any) -> None:
-    """Trials that were cut off end as failures that do not count: what they proposed is proposed again."""
+    """Interrupted trials end as failures that do not count; they are proposed again."""
     states = optuna.trial.TrialState
     for one in opened.get_trials(deepcopy=False, states=(states.RUNNING,)):
         opened.tell(one.number, state=states.FAIL)
@@ -389,7 +393,7 @@ def _finished(opened: Any) -> list[Trial]:
 def _propose(trial: Any, name: str, one: Any) -> Any:
     """A value of a hyperparameter."""
     if isinstance(one, list):
-        # Choices that are no numbers or words go by their text.
+        # Choices other than numbers or words go by their text.
         return json.loads(trial.suggest_categorical(name, [json.dumps(choice) for choice in one]))
     low, high, log = one["low"], one["high"], bool(one.get("log", False))
     if isinstance(low, int) and isinstance(high, int):

@@ -1,4 +1,4 @@
-"""`python -m smpl.benchmark historical present|offline|online DIR`: make an environment with pinned versions.
+"""`python -m smpl.benchmark historical present|offline|online DIR`: pinned environments.
 
 `present` and `online` have this smpl too, by a link to its folder; `offline` needs none of it.
 """
@@ -51,7 +51,7 @@ def make(which: str, folder: Path, python: str | None = None) -> Path:
 
 
 def link(inside: Path) -> None:
-    """Make this smpl, whose module is of the stable ABI, and its benchmark packages of an environment."""
+    """Installs this smpl (with a stable ABI) and its benchmark in an environment."""
     code = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = subprocess.run([str(inside), "-c", code], check=True, capture_output=True, text=True).stdout.strip()
     for package in (smpl, smpl_benchmarks):

@@ -1,4 +1,4 @@
-"""Trains MOPO or COMBO for a while. Runs in the environment `offline` (Python 3.9, d3rlpy 1.1.1), which has no smpl."""
+"""Trains MOPO or COMBO in the environment `offline` (Python 3.9, d3rlpy 1.1.1, no smpl)."""
 
 import argparse
 import json

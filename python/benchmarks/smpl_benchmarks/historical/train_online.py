@@ -1,4 +1,4 @@
-"""Trains an algorithm of Ray 2.6.3 for a while. Runs in the environment `online` (Python 3.10), which has smpl."""
+"""Trains an algorithm of Ray 2.6.3 in the environment `online` (Python 3.10, with smpl)."""
 
 import argparse
 import functools

@@ -29,8 +29,8 @@ class HistoricalTrainer:
 
     Args:
         which: `offline` or `online`.
-        request: what its script is told.
-        formulation: written beside the policy, if there is one.
+        request: arguments of its script.
+        formulation: written next to the policy, if there is one.
 
     Raises:
         ImportError: the environment is not there.
@@ -96,9 +96,10 @@ def offline_trainer(
         algorithm: which.
         data: the data set, of the environment's own actions.
         formulation: its rewards are used.
-        hyperparameters: of the algorithm's class; `dynamics` has those of its model of the process, `dynamics_steps`
-            the gradient steps of that.
-        form: the formulation in the environment of the data, if the policy is to have its observations and actions.
+        hyperparameters: of the algorithm's class; `dynamics` has those of its model of the process,
+            `dynamics_steps` the gradient steps of that.
+        form: the formulation in the environment of the data, if the policy is to have its
+            observations and actions.
     """
     own = dict(hyperparameters)
     request = {
@@ -116,7 +117,7 @@ def offline_trainer(
 def online_trainer(
     algorithm: str, task: Task, formulation: Formulation, hyperparameters: Mapping[str, Any]
 ) -> HistoricalTrainer:
-    """An algorithm of Ray 2.6.3, on single environments of its own."""
+    """An algorithm of Ray 2.6.3, on its own single environments."""
     given = {key: value for key, value in task.model._arguments.items() if key != "source" and value}
     given["model"] = str(given.pop("path"))
     arguments = {**given, **task.arguments, "formulation": asdict(formulation)}
@@ -135,7 +136,7 @@ def python(which: str) -> str:
     found = shutil.which(str(Path(folder) / "bin" / "python")) if folder else None
     if found is None:
         raise ImportError(
-            "this algorithm needs an environment of its own: "
+            "this algorithm needs a separate environment: "
             f"python -m smpl.benchmark historical {which} DIR, then {variable}=DIR"
         )
     return found

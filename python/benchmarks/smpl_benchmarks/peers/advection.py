@@ -1,4 +1,4 @@
-"""A tube of advection and reaction with 1700 states and more: compile, evaluate, solve; against C."""
+"""A tube with at least 1700 states: compilation, evaluation, solution; compared with C."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def episode(env: smpl.Env, jackets: FloatArray) -> None:
 def solve(
     what: str, sampling: float, jackets: FloatArray, target: float, repeats: int
 ) -> tuple[dict[str, float], FloatArray]:
-    """Time and error of an episode by two methods, and IDA called from C; gives the times and the exact end."""
+    """Time and error of an episode by two methods and IDA called from C; returns times and end."""
     exact = tube(sampling, rtol=1e-10)
     episode(exact, jackets)
     times = {}
@@ -133,7 +133,7 @@ def in_transit(repeats: int) -> None:
 
 
 def against_c(model: smpl.Model, y: FloatArray, u: FloatArray, residual: float, jacobian: float) -> None:
-    """The same in C, once with the rules of arithmetic and once with -ffast-math, which calls a vector exponential."""
+    """The same in C, without and with -ffast-math, which calls a vector exponential."""
     if not c.compiler():
         return
     for flags in ([], ["-ffast-math"]):

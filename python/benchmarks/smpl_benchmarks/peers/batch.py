@@ -1,12 +1,13 @@
-"""Batches: the reactor and the beer fermentation against EnvPool's pendulum, a second core, rollouts.
+"""Batches: the reactor and the beer fermentation against EnvPool, a second core, rollouts.
 
-EnvPool is the fastest vector environment of Python that we know; its pendulum takes one explicit Euler step where the
-reactor is integrated to an error of 1e-6 of its ranges. It works in a thread of its own while the caller waits, so
-that processor time is that of the whole process. The two take turns, some steps each: both meet the same machine.
+EnvPool is the fastest vector environment of Python that we know. Its pendulum takes one explicit
+Euler step, while the reactor is integrated to an error of 1e-6 of its ranges. It works in a
+separate thread while the caller waits, so that processor time is that of the whole process. The two
+take turns, some steps each: both meet the same machine.
 
-Two cases of ours: near rest (actions within 0.02 of the nominal ones, an error of 1e-6, no time limit), which is the
-best case, and realistic (random actions of +-0.2, the model's own method and tolerance, sampled starts, and episodes
-that end and begin again in the same step).
+Our two cases are near rest, the best case, and realistic. Near rest has actions within 0.02 of the
+nominal ones, an error of 1e-6 and no time limit. Realistic has random actions of +-0.2, the model's
+own method and tolerance, sampled starts, and episodes that end and begin again in the same step.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def random_actions(env: smpl.VectorEnv) -> FloatArray:
 
 
 def largest_error(name: str) -> float:
-    """Largest error of eight environments after `TURN` steps, over the ranges, against another method at 1e-11."""
+    """Largest error of eight environments after `TURN` steps over ranges, by another method."""
     ends = []
     for rtol, method in ((RTOL, "auto"), (1e-11, "rosenbrock")):
         env = smpl.VectorEnv(compiled(name, rtol), 8, num_threads=1, method=method)
@@ -76,7 +77,7 @@ def largest_error(name: str) -> float:
 
 
 def in_turn(steppers: Mapping[str, Callable[[int], None]], turns: int, clock: Clock) -> dict[str, float]:
-    """Seconds of a step of each: the median of turns, of which each is the mean over `PERIOD` steps."""
+    """Seconds of a step of each: the median of turns, each a mean over `PERIOD` steps."""
     times: dict[str, list[float]] = {name: [] for name in steppers}
     for _ in range(turns):
         for name, step in steppers.items():
@@ -135,7 +136,7 @@ def against_envpool(repeats: int) -> None:
 
 
 def two_cores(repeats: int) -> None:
-    """Time of the same steps on one thread and on two, by the clock; and what the second one costs in work."""
+    """Wall time of the same steps on one thread and on two, and the additional work."""
     if (os.cpu_count() or 1) < 2:
         print("  skipped: there is one processor")
         return

@@ -25,7 +25,7 @@ class Library:
 
         Args:
             names: files without their endings.
-            flags: of the compiler, beside -O3 and -march=native.
+            flags: of the compiler, in addition to -O3 and -march=native.
             libraries: to link.
 
         Raises:
@@ -65,7 +65,7 @@ def pointer(array: FloatArray) -> ctypes.c_void_p:
 
 
 def compiler() -> bool:
-    """Whether gcc is there; if not, it is skipped by name."""
+    """True if gcc is there; otherwise it is skipped by name."""
     found = shutil.which("gcc") is not None
     if not found:
         print("  C: skipped, gcc is not installed")

@@ -25,7 +25,7 @@ Step = Callable[[], object]
 
 
 def installed(peer: str, *modules: str) -> bool:
-    """Whether the modules of a peer are there; if not, it is skipped by its name."""
+    """True if the modules of a peer are there; otherwise it is skipped by its name."""
     missing = [module for module in modules if importlib.util.find_spec(module) is None]
     if missing:
         print(f"  {peer}: skipped, {', '.join(missing)} is not installed")
@@ -69,7 +69,7 @@ def scenario(text: str) -> Iterator[str]:
 
 
 def environment(model: str | Path, rtol: float | None, *, parent: str = "", **arguments: Any) -> smpl.Env:
-    """An environment in physical units with a tolerance of its own and no time limit that could matter.
+    """An environment in physical units with a given tolerance and without a time limit.
 
     Args:
         model: name or path.
@@ -83,9 +83,9 @@ def environment(model: str | Path, rtol: float | None, *, parent: str = "", **ar
 
 
 def compile_time(model: str | Path, settings: Mapping[str, float] | None = None, repeats: int = 7) -> float:
-    """Median seconds from text to machine code, files read; names are listed when they are asked for.
+    """Median seconds from text to machine code, with reading files, without lists of names.
 
-    Compilation has threads of its own: the time is that of all of them together.
+    Compilation has its own threads: the time is that of all of them together.
     """
     given = {name: repr(value) for name, value in (settings or {}).items()}
     path = str(model if isinstance(model, Path) else model_path(model))
@@ -129,7 +129,7 @@ print(resident() - before)
 
 
 def memory(model: str | Path, settings: Mapping[str, float]) -> float | None:
-    """Bytes that a process grows by when it compiles a model and takes a step; none where that cannot be read."""
+    """Growth of a process in bytes by compiling a model and a step; None if unknown."""
     if not Path("/proc/self/statm").exists():
         return None
     code = MEMORY.format(model=str(model), settings=dict(settings))

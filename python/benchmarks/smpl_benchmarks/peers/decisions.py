@@ -1,7 +1,8 @@
-"""Decisions of predictive controllers: the reactor against do-mpc on the same model, the culture against its goal.
+"""Decisions of predictive controllers: the reactor against do-mpc, the culture.
 
-Both controllers of the reactor have a horizon of 20, the same cost, Radau collocation of degree 3 and the action box;
-both drive the same environment. A decision is all that a controller does between an observation and an action.
+Both controllers of the reactor have a horizon of 20, the same cost, Radau collocation of degree 3
+and the action box; both drive the same environment. A decision is all that a controller does
+between an observation and an action.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def do_mpc_controller(env: smpl.Env) -> Any:
 
 
 def run(env: smpl.Env, begin: Callable[[], None], decide: Decide, episodes: int, steps: int) -> tuple[Any, Any, float]:
-    """Seconds of each decision, by the clock and of the processor, and the mean squared distance from the set-point."""
+    """Wall and processor seconds of each decision, and the mean squared control error."""
     clock, processor, distance = [], [], []
     target = env.model.steady_state([26.85, 0.1])
     for seed in range(episodes):

@@ -1,8 +1,9 @@
 """Steps a second of the environments that come with the package: the figures of the README's table.
 
-Two cases: the nominal policy from the start of seed 0, and random actions of +-0.2 from sampled starts, new
-episodes after ended ones included. Each is run by the model's own method, by `ida` and by `auto`. Then random steps of
-`gymnasium.make`, with its wrappers, in turns with Gymnasium's own pendulum.
+Two cases: the nominal policy from the start of seed 0, and random actions of +-0.2 from sampled
+starts, new episodes after ended ones included. Each is run by the model's own method, by `ida` and
+by `auto`. Then random steps of `gymnasium.make`, with its wrappers, in turns with Gymnasium's own
+pendulum.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ TURN = 2000
 
 
 def main(repeats: int) -> None:
-    """Print two rows for each environment, alone and in a batch on one thread, by each of `METHODS`."""
+    """Prints two rows per environment, alone and in a batch on one thread, by each method."""
     title(
         f"Environments: steps a second on one thread, alone and {BATCH} together, by the model's method, ida and auto"
     )
@@ -95,7 +96,7 @@ def episodes(env: smpl.Env, actions: list[FloatArray]) -> None:
 
 
 def nominal_actions(env: smpl.Env) -> list[FloatArray]:
-    """Actions of the nominal policy, or the nominal actions, to the end of an episode or to its first steps."""
+    """Actions of the nominal policy, or nominal actions, for an episode or its first steps."""
     env.reset(seed=0)
     player: Controller = Policy("nominal") if "nominal" in env.model.policies else Nominal()
     player.reset(env)
@@ -116,7 +117,7 @@ def episode(env: smpl.Env, actions: list[FloatArray]) -> None:
 
 
 def batch_rate(model: smpl.Model, method: str | None, actions: list[FloatArray], repeats: int) -> float:
-    """Steps a second of a batch in one thread, with the same actions in each of its environments."""
+    """Steps per second of a batch in one thread, with equal actions in its environments."""
     venv = smpl.VectorEnv(model, num_envs=BATCH, num_threads=1, normalize=False, method=method)
 
     def run() -> None:

@@ -1,10 +1,11 @@
-"""Errors of whole episodes by method and tolerance: the figures behind the methods that the shipped models declare.
+"""Errors of whole episodes by method and tolerance, which decide the models' methods.
 
-Episodes have sampled starts and random actions and end as they end. The reference is `rosenbrock` at 1e-12, or `ida`
-for models that `rosenbrock` refuses. Two other solutions bound its error: `ida` at 1e-12 over the whole episodes and,
-where SciPy is installed, LSODA over single control steps from the reference's state. An error is the largest one of
-all states and steps, over the range of the state: its declared bounds, or what it covers in the reference where it
-has none. The state of a failing step lies outside of the bounds, so its error has a column of its own.
+Episodes have sampled starts and random actions and end as they end. The reference is `rosenbrock`
+at 1e-12, or `ida` for models that `rosenbrock` refuses. Two other solutions bound its error: `ida`
+at 1e-12 over the whole episodes and, where SciPy is installed, LSODA over single control steps from
+the reference's state. An error is the largest one of all states and steps over the range of the
+state: its declared bounds, or its range in the reference. The state of a failing step exceeds the
+bounds, so its error has a separate column.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Episode:
-    """States after each step, the first row at the start, and how it ended: which failures, terminated or not."""
+    """States after each step with the start, failures, and whether the episode terminated."""
 
     states: FloatArray
     end: tuple[str, ...] | None
@@ -59,7 +60,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class Errors:
-    """Largest errors over the ranges, and how many episodes end in the same step by the same cause."""
+    """Largest errors over the ranges, and the number of episodes with equal ends and causes."""
 
     running: float
     failing: float
@@ -116,7 +117,7 @@ def reference_method(model: str) -> str:
 
 @cache
 def environment(model: str, method: str | None, rtol: float | None) -> smpl.Env:
-    """An environment in physical units by a method and a tolerance; those of the model where none is given."""
+    """An environment in physical units by a method and a tolerance, or those of the model."""
     with scenario("" if rtol is None else f"solver: {{rtol: {rtol!r}, max_steps: 1000000}}\n") as path:
         return smpl.Env(model, normalize=False, scenario=path, method=method, observation="full")
 
@@ -144,7 +145,7 @@ def episode(case: Case, env: smpl.Env, seed: int) -> Episode:
 
 
 def actions(case: Case, env: smpl.Env, seed: int) -> Iterator[FloatArray]:
-    """Actions of an episode: uniform in a part of the box, or those of the model's recipe with small errors."""
+    """Actions of an episode: uniform in a part of the box, or the recipe with small errors."""
     draw = np.random.default_rng(seed)
     low, high = env.action_low, env.action_high
     width = WIDTHS[case.actions] * (high - low) / 2
@@ -166,7 +167,7 @@ def ranges(model: str, exact: list[Episode]) -> FloatArray:
 
 
 def compare(found: list[Episode], exact: list[Episode], size: FloatArray) -> Errors:
-    """Errors of episodes against those of the reference; episodes that end otherwise count as far as both go."""
+    """Errors of episodes against those of the reference, up to the earlier end of both."""
     running, failing, same = 0.0, 0.0, 0
     for one, other in zip(found, exact, strict=True):
         steps = min(len(one.states), len(other.states))
@@ -180,7 +181,7 @@ def compare(found: list[Episode], exact: list[Episode], size: FloatArray) -> Err
 
 
 def lsoda(case: Case, size: FloatArray) -> float | None:
-    """Largest distance of control steps of the reference from those of SciPy's LSODA, from the same states."""
+    """Largest distance of control steps of the reference from those of SciPy's LSODA."""
     env = environment(case.model, reference_method(case.model), TIGHT)
     if case.model not in PLAIN or not installed("SciPy", "scipy"):
         return None
@@ -208,6 +209,6 @@ def lsoda(case: Case, size: FloatArray) -> float | None:
 
 
 def in_force(env: smpl.Env) -> list[tuple[str, int, float]]:
-    """Parameters, discrete variables and disturbances of the last step, as the native module takes them."""
+    """Parameters, discrete variables and disturbances of the last step, for the native module."""
     roles = ("parameter", "discrete", "disturbance")
     return [(role, at, float(value)) for role in roles for at, value in enumerate(env.native.values(role))]

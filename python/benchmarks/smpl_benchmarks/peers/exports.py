@@ -61,7 +61,7 @@ class _Element(ctypes.Structure):
 
 
 def times(model: smpl.Model, folder: Path) -> list[tuple[float, float]]:
-    """Seconds of the residual and of the Jacobian, in C and in machine code, at the nominal point."""
+    """Seconds of residual and Jacobian, in C and in machine code, at the nominal point."""
     _, header = smpl.export.write(model, "c", folder / "model.c")
     (folder / "timing.c").write_text(TIMING)
     command = ["gcc", "-std=c99", "-O3", "-shared", "-fPIC", "-o", "model.so", "model.c", "timing.c", "-lm"]

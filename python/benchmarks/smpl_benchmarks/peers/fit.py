@@ -1,10 +1,11 @@
-"""Parameters from noisy runs: how often the intervals hold the truth, and the time beside SciPy.
+"""Parameters from noisy runs: coverage of the intervals, and the time compared with SciPy.
 
     python -m smpl.bench fit
 
-A draw is a run with noise of its own (and, where they move, actions and an unknown start of its own) to which
-parameters and unknown starts are fitted. The peer solves the same least-squares problem as a user of SciPy would:
-`solve_ivp` with LSODA from one sampling instant to the next, `least_squares` with its differences.
+A draw is a run with new noise, and new actions and an unknown start if they vary, to which
+parameters and unknown starts are fitted. The peer solves the same least-squares problem as a user
+of SciPy would: `solve_ivp` with LSODA from one sampling instant to the next, `least_squares` with
+its differences.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def main(repeats: int) -> None:
 
 
 def _peer(case: Case, ours: Study, draws: int) -> tuple[FloatArray, float]:
-    """Milliseconds of SciPy, and how far its values are from ours at most, in half widths of the intervals."""
+    """Milliseconds of SciPy, and its largest distance from our values, in half widths."""
     model = case.model()
     defaults = dict(zip(model.parameter_names, model.native.defaults("parameter").tolist(), strict=True))
     times, apart = [], 0.0

@@ -1,4 +1,4 @@
-"""Models and runs for `python -m smpl.bench fit`, with the equations as a user of SciPy would write them."""
+"""Models and runs for `python -m smpl.bench fit`, with equations for SciPy."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Case:
         return smpl.compile(**self.arguments)
 
     def record(self, model: smpl.Model, draw: int) -> dict[str, FloatArray]:
-        """A noisy run as columns: actions, readings, and of the start those states that are known."""
+        """A noisy run as columns: actions, readings, and the known states of the start."""
         generator = np.random.default_rng([7, draw])
         nominal = smpl.Env(model, normalize=False)
         nominal.reset(seed=0, options={"start": "nominal"})
@@ -87,7 +87,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Peer:
-    """The same least-squares problem for SciPy: a sequence of initial value problems and 2-point differences."""
+    """The same least-squares problem for SciPy: initial value problems and differences."""
 
     case: Case
     model: smpl.Model
@@ -127,7 +127,7 @@ class Peer:
         return least_squares(residuals, np.ones(len(guess)))
 
     def _samples(self, steps: int) -> list[tuple[str, int, float, float]]:
-        """What was read for the first time: name, step at which it was taken, reading, deviation."""
+        """First readings: name, step of the sample, reading, deviation."""
         declared, names = sensors(self.model), self.model.observation_names
         return [
             (names[i], taken, float(self.record[f"obs.{names[i]}"][k]), float(declared.noise[i]))

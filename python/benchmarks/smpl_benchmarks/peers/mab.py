@@ -1,4 +1,4 @@
-"""Steps of MAb, loading of the capture column, against SciPy's BDF and CasADi's integrators, with sparse Jacobians."""
+"""Steps of MAb with a loading column against SciPy's BDF and CasADi's integrators."""
 
 from __future__ import annotations
 
@@ -135,9 +135,10 @@ def scipy_bdf(exact: FloatArray, ours: float) -> None:
 
 
 def casadi_integrators(exact: FloatArray, ours: float, equal: float) -> None:
-    """Some of the hours by CasADi's CVODES and IDAS, Newton's method with the exact sparse Jacobian.
+    """Some of the hours by CasADi's CVODES and IDAS with the exact sparse Jacobian.
 
-    States are those of the specification over their scales, since CasADi has one absolute tolerance for all.
+    States are those of the specification over their scales, since CasADi has one absolute tolerance
+    for all.
     """
     import casadi
 
@@ -183,7 +184,7 @@ def scales(model: smpl.Model) -> FloatArray:
 
 
 def sample(name: str, step: Callable[[FloatArray], FloatArray], exact: FloatArray, ours: float) -> float:
-    """Print time and error of a peer's step over some of the hours, each from the exact state; gives the median."""
+    """Prints time and error of a peer's steps from exact states; returns the median."""
     times, worst = [], 0.0
     for hour in SAMPLED:
         begin = time.thread_time()

@@ -36,7 +36,7 @@ SCALE = np.array(
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch of the recipe from the means: states before each step, what acts in it, states after it."""
+    """A batch of the recipe from the means: states before each step, inputs, states after it."""
 
     before: FloatArray
     inputs: FloatArray
@@ -129,7 +129,7 @@ def check(function: Callable[..., FloatArray], exact: Batch) -> None:
 
 
 def lsoda(function: Callable[..., FloatArray], exact: Batch, rtol: float) -> float:
-    """Seconds of all steps, each from the exact state before it; prints the largest error of a step."""
+    """Seconds of all steps, each from the exact state; prints the largest error of a step."""
     from scipy.integrate import odeint
 
     span = np.empty(2)

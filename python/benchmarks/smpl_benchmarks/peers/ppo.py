@@ -1,4 +1,4 @@
-"""Frames per second of PPO's collection: the native batch against the vector environments of Stable-Baselines3."""
+"""Frames per second of PPO's collection: the native batch against Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENVIRONMENTS, STEPS = 16, 128
 
 
 def main(repeats: int) -> None:
-    """Time `collect_rollouts` of PPO on the reactor, network included; wall time, one thread of torch."""
+    """Times `collect_rollouts` of PPO on the reactor with network; one thread of torch."""
     title(f"PPO's collection on the reactor, {ENVIRONMENTS} environments")
     if not installed("Stable-Baselines3", "stable_baselines3"):
         return

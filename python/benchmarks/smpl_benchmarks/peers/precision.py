@@ -1,10 +1,10 @@
-"""Error against tolerance of every method: models, published test problems, invariants, orbits beside SciPy.
+"""Error against tolerance of every method: models, test problems, invariants, orbits.
 
-`python -m smpl.bench precision` prints the tables. `python -m smpl_benchmarks.peers.precision --write docs`, with
-`python/benchmarks` in `PYTHONPATH`, writes them and their picture into the book. The exact solution is that of
-`rosenbrock` at 1e-12, and of `ida` where that is not taken; how far the two are apart there is printed too. Errors
-are those of the states at the end, over their value or, where that is smaller, a hundredth of their scale: by what a
-tolerance bounds the error of a step.
+`python -m smpl.bench precision` prints the tables. `python -m smpl_benchmarks.peers.precision
+--write docs`, with `python/benchmarks` in `PYTHONPATH`, writes them and their picture into the
+book. The exact solution is that of `rosenbrock` at 1e-12, and of `ida` where that is not taken; how
+far the two are apart there is printed too. Errors are those of the states at the end, over their
+value or, if that is smaller, a hundredth of their scale.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ BEGIN, END = "<!-- precision -->\n", "<!-- end of precision -->\n"
 
 @dataclass(frozen=True)
 class Case:
-    """What is integrated: a model or a problem, and its steps."""
+    """An integration: a model or a problem, and its steps."""
 
     name: str
     path: str | Path
@@ -66,7 +66,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Point:
-    """A run beside the exact solution."""
+    """A run compared with the exact solution."""
 
     error: float
     evaluations: int
@@ -164,7 +164,7 @@ def table() -> tuple[Points, list[str]]:
 
 
 def beyond(found: Points) -> list[str]:
-    """Which errors are more than a hundred tolerances, a line a method."""
+    """Errors above a hundred tolerances, one line per method."""
     lines = []
     for method in METHODS:
         own = {key: point for key, point in found.items() if key[1] == method}
@@ -189,7 +189,7 @@ def invariants() -> list[str]:
 
 
 def drift(model: str, method: str, rtol: float) -> str:
-    """Largest drift of a model's invariants over their magnitudes, as the command tells it."""
+    """Largest drift of a model's invariants over their magnitudes, from the command."""
     if method == "explicit" and model in TOO_STIFF:
         return NONE
     with scenario(f"solver: {{rtol: {rtol!r}, method: {method}}}\n") as path:
@@ -228,7 +228,7 @@ def rates_of_orbit(_: float, w: FloatArray) -> FloatArray:
 
 
 def orbits() -> list[str]:
-    """Errors and evaluations of DOP853 here and in SciPy at equal tolerances, along an orbit that closes."""
+    """Errors and evaluations of DOP853 here and in SciPy at equal tolerances, on an orbit."""
     if not installed("SciPy DOP853", "scipy"):
         return []
     from scipy.integrate import solve_ivp
@@ -263,10 +263,10 @@ def tables() -> tuple[Points, list[str]]:
     print("\n".join("  " + line for line in beyond(found)))
     title("Drift of invariants over an episode, over their magnitude")
     text += ["", "Drift of the invariants over an episode, over their magnitude:", "", *invariants()]
-    title("Arenstorf's orbit beside SciPy")
+    title("Arenstorf's orbit compared with SciPy")
     beside = orbits()
     if beside:
-        text += ["", "Arenstorf's orbit, which ends where it began, beside SciPy:", "", *beside]
+        text += ["", "Arenstorf's orbit, which ends where it began, compared with SciPy:", "", *beside]
     return found, text
 
 

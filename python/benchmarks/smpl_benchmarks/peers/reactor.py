@@ -1,8 +1,9 @@
 """The reactor against SciPy and CasADi.
 
-Control steps of 0.1 min with an action that changes at every step, the shape of reinforcement learning. Every
-integrator runs at several tolerances; its error is measured against a tight reference and its time is read off at a
-common error, so that nobody is fast by being wrong. Times are medians of several runs in processor time of one thread.
+Control steps of 0.1 min with an action that changes at every step, the shape of reinforcement
+learning. Every integrator runs at several tolerances. Its error is measured against a tight
+reference and its time is interpolated at a common error, so that inaccuracy does not look fast.
+Times are medians of several runs in processor time of one thread.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 
 @dataclass(frozen=True)
 class Peer:
-    """An integrator: its name, its step for a relative tolerance, its episode where that keeps the state itself."""
+    """An integrator: name, step for a relative tolerance, and episode if it keeps the state."""
 
     name: str
     make: Callable[[float], Step]
@@ -118,7 +119,7 @@ def scipy_peers() -> Iterator[Peer]:
 
 
 def casadi_peers() -> Iterator[Peer]:
-    """CVODES and IDAS of CasADi, built once and called for each step; nothing where CasADi is missing."""
+    """CVODES and IDAS of CasADi, built once and called for each step; empty without CasADi."""
     if not installed("CasADi", "casadi"):
         return
     import casadi
@@ -144,7 +145,7 @@ def casadi_peers() -> Iterator[Peer]:
 
 
 def own_environment(rtol: float, method: str | None = None) -> smpl.Env:
-    """The reactor in physical units with a tolerance and a method of its own."""
+    """The reactor in physical units with a tolerance and a method."""
     return environment("reactor", rtol, method=method)
 
 
@@ -191,7 +192,7 @@ def measure(peer: Peer, actions: FloatArray, exact: FloatArray, repeats: int) ->
 
 
 def at_error(runs: list[Run], target: float) -> float | None:
-    """Time a step at the error `target`, interpolated between tolerances; none where it is not reached."""
+    """Time per step at the error `target`, interpolated between tolerances, or None."""
     ordered = sorted(runs, key=lambda run: run.error)
     if not ordered or ordered[0].error > target:
         return None
