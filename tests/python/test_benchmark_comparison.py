@@ -23,6 +23,7 @@ from smpl_benchmarks.significance import (
     student,
     supported,
 )
+from smpl_benchmarks.subjects import SUBJECTS
 
 
 def result(suite, controller, number, returns, validation=None, **scores):
@@ -198,6 +199,34 @@ def test_a_control_is_tuned_on_training_starts_and_then_a_row(tmp_path, monkeypa
     monkeypatch.setattr(controls.tuned, "__defaults__", (out,))
     names = [one.controller for one in runs("control", "short", "Beer", 1)]
     assert "constant" in names and "constant" not in [one.controller for one in runs("control", "smoke", "Beer", 1)]
+
+
+def test_a_control_is_scored_on_validation_episodes_of_its_own(tmp_path, monkeypatch):
+    counts = {"smoke": 1, "short": 2, "paper": 2}
+    subject = dataclasses.replace(SUBJECTS["Beer"], episodes=counts, validation=3)
+    monkeypatch.setitem(SUBJECTS, "Beer", subject)
+    records = tmp_path / "records"
+    given = {"budget": "short", "env": "Beer", "seeds": 3, "algorithms": ["nominal", "isothermal"], "workers": 1}
+    benchmark(tmp_path, **given, results=records)
+    lines = [json.loads(line)["scores"] for line in (records / "short-control.jsonl").read_text().splitlines()]
+    assert ["validation" in one for one in lines] == [True, False, False] * 2
+    task = Task.of("smpl/Beer-v0", scenario="legacy")
+    again = score(Plan.of(task, "isothermal", 3, seed=500_000_000), 1, kept=0)
+    assert lines[0]["validation"] == {
+        "mean": pytest.approx(again.pooled()[0]),
+        "return": pytest.approx(again.returns.mean()),
+        "failures": 0,
+        "episodes": 3,
+    }
+
+
+def test_controls_without_validation_are_named():
+    bare = [
+        dataclasses.replace(one, scores={**one.scores, "validation": None}) if one.run.controller == "nominal" else one
+        for one in FOUND
+    ]
+    assert "Not selected, without validation scores: nominal." in places(bare)["claim Tank"]
+    assert "Not selected" not in places(FOUND)["claim Tank"]
 
 
 def test_the_share_of_actions_at_a_limit_is_recorded(tmp_path):

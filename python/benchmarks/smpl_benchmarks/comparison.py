@@ -65,6 +65,12 @@ class Comparison:
         return max(known, key=lambda pair: pair[0])[1] if known else None
 
     @property
+    def unvalidated(self) -> list[str]:
+        """Controls of the table without validation scores, which are not selected."""
+        controls = [row for row in self.rows if row.suite == "control" and row.controller not in _NEVER_SELECTED]
+        return [row.controller for row in controls if validated(row) is None]
+
+    @property
     def reference_gain(self) -> float:
         """Mean gain of the reference over the nominal policy on its episodes."""
         return float(gains(_named(self.references, "reference"), _named(self.references, "nominal")).mean())
@@ -177,6 +183,7 @@ def figures(one: Comparison, row: Row, control: Row | None) -> Mapping[str, Any]
     """Numbers of a row of the table of a process."""
     mine = gains(row, one.nominal)
     whole = sum(len(found.scores["returns"]) for found in row.results) == row.returns.size
+    costed = all("cost_mean" in found.scores for found in row.results)
     return {
         "return": float(row.returns.mean()),
         "gain": float(mine.mean()),
@@ -186,7 +193,8 @@ def figures(one: Comparison, row: Row, control: Row | None) -> Mapping[str, Any]
         "sign": 0 if control is None else supported(differences(row, control)),
         "validation": validated(row),
         "at_limit": at_limit(row),
-        "failures": sum(found.scores["failures"] for found in row.results) if whole and row.results else None,
+        "failures": sum(found.scores["failures"] for found in row.results) if whole else None,
+        "cost": float(np.mean([found.scores["cost_mean"] for found in row.results])) if whole and costed else None,
     }
 
 

@@ -54,7 +54,7 @@ def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> An
     if key == "gain":
         axis.axvline(0, color=look.AXIS, linewidth=1)
     what = "gain in the return of an episode over the nominal policy" if key == "gain" else "return of an episode"
-    axis.set_xlabel(f"mean {what}, with its 95 % interval")
+    axis.set_xlabel(f"mean {what}, with its 95 % interval over seeds")
     axis.set_title(env)
     axis.legend(loc="lower right")
     axis.grid(axis="x")

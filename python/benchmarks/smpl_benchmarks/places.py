@@ -99,6 +99,8 @@ def sentence(one: Comparison) -> str:
     more = f"No other learned row has both intervals above `{control}`."
     if others:
         more = f"Other learned rows above `{control}`, without correction for their number: {', '.join(others)}."
+    if one.unvalidated:
+        more += f"\nNot selected, without validation scores: {', '.join(one.unvalidated)}."
     return (
         f"Validation selects the control `{control}` and the learned policy `{learned}`.\n"
         f"On the {seeds} x {count} test episodes their returns differ by {found.difference:+.4g} per episode "
@@ -111,7 +113,19 @@ def comparison(one: Comparison) -> str:
     """Rows of a process on the same test episodes, by their gain."""
     control = one.selected(("control",))
     name = "selected control" if control is None else f"`{control.controller}`"
-    head = ["suite", "row", "return", "gain", "95 %", "better", f"over {name}", "validation", "at a limit", "failures"]
+    head = [
+        "suite",
+        "row",
+        "return",
+        "gain",
+        "95 %",
+        "better",
+        f"over {name}",
+        "validation",
+        "at a limit",
+        "failures",
+        "cost",
+    ]
     lines = []
     for row in sorted(one.rows, key=lambda row: -float(row.returns.mean())):
         mine = figures(one, row, control)
@@ -121,6 +135,7 @@ def comparison(one: Comparison) -> str:
                 row.suite, row.controller, f"{mine['return']:.5g}", f"{mine['gain']:+.4g}", _between(mine["interval"]),
                 f"{mine['better']} of {row.returns.size}", over, _number(mine["validation"]), _share(mine["at_limit"]),
                 "" if mine["failures"] is None else str(mine["failures"]),
+                _number(mine["cost"]),
             ]
         )  # fmt: skip
     text = _table(head, lines, left=2)

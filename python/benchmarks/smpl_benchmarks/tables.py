@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from smpl._native import __version__
 from smpl.learning.formulation import Formulation
@@ -13,6 +14,7 @@ from smpl.learning.statistics import bootstrap, interquartile_mean
 from smpl_benchmarks.learned import inside_formulation
 from smpl_benchmarks.paper import LEARNED, plain
 from smpl_benchmarks.records import Result
+from smpl_benchmarks.significance import Interval, stratified_bootstrap
 from smpl_benchmarks.subjects import SUBJECTS, Run
 
 
@@ -45,7 +47,8 @@ def table(
             lead = leads[other]
             row[key] = sign * float(lead.mean()) + 0.0 if len(lead) else None  # no negative zero
         compared = leads["nominal"]
-        row["gain_interval"] = list(bootstrap(compared)) if len(compared) else None
+        parts = [_leads([one], _of((env, "control", "nominal"), every, results)) for one in mine]
+        row["gain_interval"] = list(_interval([part for part in parts if len(part)])) if len(compared) else None
         row["better"] = [int((compared > 0).sum()), len(compared)] if len(compared) else None
         rows.append({**row, "changed": changed})
     order = list(dict.fromkeys([*SUBJECTS, *(one.env for one in every)]))
@@ -76,7 +79,7 @@ def _row(mine: Sequence[Result]) -> dict[str, Any]:
         # Twenty steps of an episode compare with nothing.
         "published": None if first.budget == "smoke" else _published(first),
         "return_mean": float(returns.mean()),
-        "return_interval": list(bootstrap(returns)),
+        "return_interval": list(_interval([one["returns"] for one in scores])),
         "return_iqm": float(interquartile_mean(returns)),
         "failures": sum(one["failures"] for one in scores),
         "successes": sum(one["successes"] for one in scores),
@@ -84,6 +87,13 @@ def _row(mine: Sequence[Result]) -> dict[str, Any]:
         "diverged": sum("diverged" in one for one in scores),
         "rewards_only": _rewards_only(first),
     }
+
+
+def _interval(seeds: Sequence[npt.ArrayLike]) -> Interval:
+    """95 % interval of a mean over training seeds; of one seed over its episodes."""
+    if len(seeds) == 1:
+        return bootstrap(seeds[0])
+    return stratified_bootstrap([float(np.mean(one)) for one in seeds])
 
 
 def _rewards_only(one: Run) -> bool:
