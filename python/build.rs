@@ -1,4 +1,5 @@
-//! Copies the models into the output folder, from where the wheel takes them into the package (`pyproject.toml`, `include`).
+//! Copies the models into the output folder, from where the wheel takes them into the package
+//! (`pyproject.toml`, `include`).
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};

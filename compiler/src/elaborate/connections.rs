@@ -248,7 +248,8 @@ impl Member {
         defined.extend(own.and_then(|own| variable(l, own)));
     }
 
-    /// The sum of the flows but for one, each with its sign times `factor`, in the unit of a symbol.
+    /// The sum of the flows but for one, each with its sign times `factor`, in the unit of a
+    /// symbol.
     fn sum(&self, l: &mut Lowering<'_, '_>, at: Affine, (unit_of, factor): (SymbolId, f64), without: Option<SymbolId>) -> Option<ExprId> {
         let SymbolKind::Variable { unit: wanted, .. } = l.symbols[unit_of].kind.clone() else { return None };
         let mut sum = None;

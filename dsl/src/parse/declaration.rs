@@ -6,8 +6,8 @@ use super::{Children, Context, Fallible, Rule, expression, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{BY_MEMBER, Binder, Clip, Declaration, Expr, ExprKind, Ident, Measured};
 
-/// `name[i in set] named "n{}" : unit from "file" linear = value ~ sample clip bounds in low..high scale s nonnegative
-/// prefer "text"`
+/// `name[i in set] named "n{}" : unit from "file" linear = value ~ sample clip bounds in low..high
+/// scale s nonnegative prefer "text"`
 pub(super) fn declaration(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Declaration> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);

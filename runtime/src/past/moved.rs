@@ -211,8 +211,8 @@ impl MovedPast {
         }
     }
 
-    /// Derivatives of the time of the breaks at a time at which delayed values jump. `tangents` hold
-    /// those of the dead times as outputs. Not a number where they differ.
+    /// Derivatives of the time of the breaks at a time at which delayed values jump. `tangents`
+    /// hold those of the dead times as outputs. Not a number where they differ.
     pub(crate) fn motion_of_break(&self, past: &Past, at: f64, out: &mut Vec<f64>) {
         out.clear();
         out.resize(self.width(), 0.0);

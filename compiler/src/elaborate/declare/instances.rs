@@ -173,8 +173,8 @@ impl<'a> Declaring<'_, 'a> {
         }
     }
 
-    /// A structural parameter: a whole number, a switch, a set or a component; a setting `R1.n_cells` or `n_cells`
-    /// overrides it.
+    /// A structural parameter: a whole number, a switch, a set or a component; a setting
+    /// `R1.n_cells` or `n_cells` overrides it.
     pub(in crate::elaborate::declare) fn structural(
         &mut self,
         scope: ScopeId,

@@ -92,8 +92,8 @@ impl<'a> Declaring<'_, 'a> {
         Some(standard)
     }
 
-    /// The component, or the default if the component lacks something that the default has, which is
-    /// reported.
+    /// The component, or the default if the component lacks something that the default has, which
+    /// is reported.
     fn fitting(&mut self, name: &Ident, component: &'a Statement, (argument, default): (&Expr, Option<&Expr>)) -> &'a Statement {
         let Some(wanted) = self.default_component(default).filter(|wanted| !std::ptr::eq(*wanted, component)) else {
             return component;
