@@ -4,6 +4,7 @@
 //! its fault. So all independent errors of a file come in one run.
 
 mod control;
+mod data;
 mod declaration;
 mod expression;
 mod message;

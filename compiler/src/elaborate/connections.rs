@@ -12,7 +12,7 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr};
 
-use crate::elaborate::equations::{Equation, EquationForm};
+use crate::elaborate::equation::{Equation, EquationForm};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::{Lowering, indices, nests, paths};

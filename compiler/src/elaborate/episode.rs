@@ -6,6 +6,7 @@
 
 mod amounts;
 mod assembly;
+mod assignments;
 mod boxes;
 mod common;
 mod controllers;

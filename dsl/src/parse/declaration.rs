@@ -2,7 +2,7 @@
 
 use pest::iterators::Pair;
 
-use super::{Children, Context, Fallible, Rule, expression, table, unit};
+use super::{Children, Context, Fallible, Rule, data, expression, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{BY_MEMBER, Binder, Clip, Declaration, Expr, ExprKind, Ident, Measured};
 
@@ -46,7 +46,7 @@ fn value(context: &Context<'_>, indices: &[Binder], pair: Pair<'_, Rule>) -> Fal
     let mut arguments = vec![Expr { span, kind: ExprKind::Tuple(of) }];
     for part in members.into_inner().filter(|part| part.as_rule() == Rule::member_value) {
         let mut member = Children::new(part);
-        let label = table::label(context, &mut member)?;
+        let label = data::label(context, &mut member)?;
         member.skip(Rule::colon);
         let value = expression::expr(context, member.expect(context, Rule::expr)?)?;
         arguments.extend([named(&label), value]);
@@ -56,7 +56,7 @@ fn value(context: &Context<'_>, indices: &[Binder], pair: Pair<'_, Rule>) -> Fal
 
 /// `from "weather.csv" linear outside cyclic` of the disturbance `name`.
 fn measured(context: &Context<'_>, name: &Ident, file: Pair<'_, Rule>) -> Fallible<Box<Measured>> {
-    let (path, kind, outside) = table::file(context, file)?;
+    let (path, kind, outside) = data::file(context, file)?;
     let function = Ident { text: format!("{} of its data", name.text), span: name.span };
     let read = Expr { span: name.span, kind: ExprKind::Call { function, arguments: Vec::new() } };
     Ok(Box::new(Measured { path: path.text, path_span: path.span, kind, outside, read }))

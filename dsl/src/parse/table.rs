@@ -2,10 +2,8 @@
 
 use pest::iterators::Pair;
 
-use super::{Children, Context, Fallible, Rule, declaration, expression, unit};
-use crate::syntax::{
-    Ident, SetMembers, StatementKind, Table, TableCells, TableColumn, TablePoints, TableRow, TimeTable, TimeTableKind, UnitExpr,
-};
+use super::{Children, Context, Fallible, Rule, data, declaration, expression, unit};
+use crate::syntax::{Ident, SetMembers, StatementKind, Table, TableCells, TableColumn, TablePoints, TableRow, TimeTable, UnitExpr};
 
 /// `set species = { a, b }`, `set class = 1..9`
 pub(super) fn set(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
@@ -95,7 +93,7 @@ fn plain_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Fall
 fn row(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TableRow> {
     let span = context.span(&pair);
     let mut children = Children::new(pair);
-    let label = label(context, &mut children)?;
+    let label = data::label(context, &mut children)?;
     children.skip(Rule::colon);
     let cells = if children.peek() == Some(Rule::sparse_cell) {
         TableCells::Sparse(children.pairs.map(|part| sparse_cell(context, part)).collect::<Fallible<_>>()?)
@@ -105,17 +103,9 @@ fn row(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<TableRow> {
     Ok(TableRow { label, cells, span })
 }
 
-/// The member that a row or cell belongs to: a name, or an integer of a numbered set.
-pub(super) fn label(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Ident> {
-    match children.take(Rule::integer) {
-        Some(integer) => Ok(context.word(&integer)),
-        None => children.name(context),
-    }
-}
-
 fn sparse_cell(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(Ident, crate::syntax::Expr)> {
     let mut children = Children::new(pair);
-    let label = label(context, &mut children)?;
+    let label = data::label(context, &mut children)?;
     children.skip(Rule::equals);
     Ok((label, expression::expr(context, children.expect(context, Rule::expr)?)?))
 }
@@ -127,37 +117,13 @@ fn time_table(context: &Context<'_>, name: Ident, pair: Pair<'_, Rule>) -> Falli
     let time_unit = argument_unit(context, children.expect(context, Rule::table_argument)?)?;
     let second_unit = children.take(Rule::table_argument).map(|pair| argument_unit(context, pair)).transpose()?;
     if let Some(file) = children.take(Rule::table_file) {
-        let (path, kind, outside) = self::file(context, file)?;
+        let (path, kind, outside) = data::file(context, file)?;
         let points = TablePoints::File { path: path.text, span: path.span };
         return Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None });
     }
-    let (kind, outside) = reading(context, &mut children)?;
+    let (kind, outside) = data::reading(context, &mut children)?;
     let points = points(context, children.expect(context, Rule::table_points)?)?;
     Ok(TimeTable { name, unit, time_unit, second_unit, kind, outside, points, text: None })
-}
-
-/// `from "k.csv" linear outside refused`: the path, and how the data are read.
-pub(super) fn file(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<(Ident, TimeTableKind, Option<Ident>)> {
-    let mut children = Children::new(pair);
-    children.skip(Rule::kw_from);
-    let path = children.expect(context, Rule::text)?;
-    let path = Ident { text: Context::text(&path), span: context.span(&path) };
-    let (kind, outside) = reading(context, &mut children)?;
-    Ok((path, kind, outside))
-}
-
-/// `linear outside refused`
-fn reading(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<(TimeTableKind, Option<Ident>)> {
-    let kind = match children.expect(context, Rule::time_kind)?.as_str() {
-        "until" => TimeTableKind::Until,
-        "from" | "step" => TimeTableKind::From,
-        "cubic" => TimeTableKind::Cubic,
-        _ => TimeTableKind::Linear,
-    };
-    let Some(outside) = children.take(Rule::table_outside) else { return Ok((kind, None)) };
-    let mut outside = Children::new(outside);
-    outside.skip(Rule::kw_outside);
-    Ok((kind, Some(outside.name(context)?)))
 }
 
 /// `T : degC`

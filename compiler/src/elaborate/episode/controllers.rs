@@ -10,8 +10,8 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Control, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
+use crate::elaborate::episode::assignments::{Assignments, check_next};
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::instants::{Assignments, check_next};
 use crate::elaborate::episode::regular;
 use crate::elaborate::episode::together::{Assignment, Draft, Kind};
 use crate::elaborate::hidden::element;

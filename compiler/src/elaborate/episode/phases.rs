@@ -12,8 +12,9 @@
 //! of its alternatives that moves during a step. One that holds when a step starts (a request) ends
 //! the phase before the integration.
 
+use crate::elaborate::episode::assignments::{Assignments, Instants, instant_statement};
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::instants::{Assignments, Instants, instant_statement, moving_clock};
+use crate::elaborate::episode::instants::moving_clock;
 use crate::elaborate::episode::together::Draft;
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};

@@ -11,8 +11,8 @@ use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Expr;
 
+use crate::elaborate::episode::assignments::Instants;
 use crate::elaborate::episode::common::{builtin, store};
-use crate::elaborate::episode::instants::Instants;
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::lower::{Lowering, defaults};
 use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, LoopVar, Nest, Place as Memory, Program, Store, UnaryFn, VarId};

@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Clip, Control, Expr, Ident, Observation, Phase, Statement, StatementKind};
 
 use super::markdown::{self, code, display, math, prose};
-use super::statements::Writer;
+use super::statements::{self, Writer};
 use smpl_runtime::failure::Short;
 
 const OBSERVED: &[&str] = &["observed", "unit", "is", "range", "noise", "sampled", "reported", "meaning"];
@@ -36,8 +36,10 @@ impl<'s> Writer<'s> {
                 self.block(&format!("Steady state: {}{found}.", fixed.join(", ")));
             }
             StatementKind::Observe { items } => items.iter().for_each(|item| self.observation(item)),
-            StatementKind::Level { name, text, body, .. } => {
-                self.label("Level of observation", &name.text, "", text.as_deref().unwrap_or(""));
+            StatementKind::Level { name, extends, text, body } => {
+                let text = text.as_deref().map(|text| format!(": {}", prose(text))).unwrap_or_default();
+                let base = statements::extending(extends.as_ref());
+                self.block(&format!("Level of observation {}{base}{text}", code(&name.text)));
                 body.iter().for_each(|inner| self.control(inner));
             }
             StatementKind::Reward { name, unit, default, value, text } => {
