@@ -12,7 +12,8 @@ from types import ModuleType
 from typing import Any
 
 from smpl._native import CompileError, Diagnostic, ScenarioError, SimulationError, __version__
-from smpl.analysis.fitting import Fit, FitOptions, fit
+from smpl.analysis.fitting import Fit, fit
+from smpl.analysis.least_squares import FitOptions
 from smpl.envs import Env
 from smpl.model import CompileWarning, Model, compile
 from smpl.notebooks.live import Live, live

@@ -255,13 +255,11 @@ solver {{ rtol = 1e-10 }}
 
 def slopes(model, record, parameters, initial=(), **options):
     """Jacobian of the weighted residuals by what is fitted, in units, and how it was computed."""
-    from smpl.analysis.fitting import _Problem
+    from smpl.analysis.least_squares import Problem
 
-    problem = _Problem(
-        model, record, parameters, smpl.FitOptions(initial=initial, method=options.get("method", "auto"))
-    )
-    problem._choose(options.get("derivatives", "auto"))
-    return problem._slopes(problem.guess / problem.scale) / problem.scale, problem._said()
+    problem = Problem(model, record, parameters, smpl.FitOptions(initial=initial, method=options.get("method", "auto")))
+    problem.choose(options.get("derivatives", "auto"))
+    return problem.slopes(problem.guess / problem.scale) / problem.scale, problem.kind_of_derivatives()
 
 
 @pytest.mark.parametrize("method", ["auto", None])
@@ -335,12 +333,12 @@ def test_many_states_for_few_parameters_are_differences():
     rows = np.tile(smpl.compile("atropine").native.defaults("action"), (3, 1))
     model = smpl.compile("atropine")
     record = dict(zip(model.action_names, rows.T, strict=True)) | {f"obs.{model.observation_names[0]}": np.ones(3)}
-    from smpl.analysis.fitting import _Problem
+    from smpl.analysis.least_squares import Problem
 
     with pytest.warns(UserWarning, match="does not say where .* more started: the nominal start is taken"):
-        problem = _Problem(model, record, [model.parameter_names[0]], smpl.FitOptions())
-    problem._choose("auto")
-    assert problem._said() == f"differences: exact ones would be by {len(model.state_names) + 1} numbers"
+        problem = Problem(model, record, [model.parameter_names[0]], smpl.FitOptions())
+    problem.choose("auto")
+    assert problem.kind_of_derivatives() == f"differences: exact ones would be by {len(model.state_names) + 1} numbers"
 
 
 def test_an_unstable_run_needs_exact_derivatives():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl.analysis.fitting import FitOptions
+from smpl.analysis.least_squares import FitOptions
 from smpl.controllers import (
     NMPC,
     PID,

@@ -38,7 +38,7 @@ def read_runs(model: Model, runs: Any, resample: str = "hold") -> list[Run]:
     """
     if hasattr(runs, "manifest"):
         return [_from_data_set(model, runs.manifest, episode, f"episode {i}") for i, episode in enumerate(runs)]
-    single = isinstance(runs, (str, os.PathLike, Mapping)) or not isinstance(runs, Sequence)
+    single = isinstance(runs, (str, os.PathLike, Mapping, Run)) or not isinstance(runs, Sequence)
     found: list[Run] = []
     for place, run in enumerate([runs] if single else runs):
         if isinstance(run, (str, os.PathLike)) and (Path(run) / "dataset.json").is_file():
@@ -67,6 +67,8 @@ def _read(model: Model, run: Any, place: int, resample: str) -> list[Run]:
         ValueError: it is not a run, or lacks the actions.
         FileNotFoundError: there is no such file.
     """
+    if isinstance(run, Run):
+        return [run]
     if isinstance(run, (str, os.PathLike)):
         return [_from_columns(model, one, name, resample) for name, one in _separated(read_table(run), str(run))]
     if isinstance(run, Mapping):
@@ -189,7 +191,7 @@ def _of_start(model: Model, columns: Mapping[str, FloatArray], name: str, start:
 
     return replace(
         run,
-        states=_states(model, start),
+        states=starting_states(model, start),
         discrete=first(model.discrete_names, ""),
         parameters=first(model.parameter_names, "param."),
         assumed=tuple(one for one in model.state_names if not np.isfinite(start.get(one, np.nan))),
@@ -415,7 +417,7 @@ def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
     details = episode.details
     return Run(
         name,
-        _states(model, start),
+        starting_states(model, start),
         details.physical,
         outputs,
         assumed=tuple(state for state in model.state_names if state not in start),
@@ -423,7 +425,7 @@ def _from_data_set(model: Model, manifest: Any, episode: Any, name: str) -> Run:
     )
 
 
-def _states(model: Model, given: Mapping[str, float]) -> FloatArray:
+def starting_states(model: Model, given: Mapping[str, float]) -> FloatArray:
     """The start, from the model's nominal one where nothing is recorded."""
     known = {name: value for name, value in given.items() if np.isfinite(value)}
     if len(known) == len(model.state_names):

@@ -73,7 +73,13 @@ class Recorded:
         self.together = True
         # The last point that was simulated alone, and its run: derivatives are wanted there.
         self._latest: dict[int, tuple[bytes, Any]] = {}
+        # Steps of each run until its end, where its derivatives were computed last.
+        self.steps: dict[int, int] = {}
         self._edges = model.native.bounds("observation")
+
+    def forget(self, place: int) -> None:
+        """Drop what is known of a run that has changed."""
+        self._latest.pop(place, None)
 
     def _own(self, place: int) -> list[int]:
         """Columns of a point that belong to a run."""
@@ -119,7 +125,11 @@ class Recorded:
     def differences(self, place: int, points: FloatArray, steps: int | None = None) -> FloatArray:
         """Derivatives (H + 1 + instants, outputs, d) by differences of the points of `beside`."""
         size = (len(points) - 1) // 2
-        found = self._chosen(self._rollout(place, points, steps))
+        path = self._rollout(place, points, steps)
+        if steps is None:
+            # After the end of a neighbour differences are not derivatives.
+            self.steps[place] = int(path.steps.min())
+        found = self._chosen(path)
         distance = (points[1 : size + 1] - points[size + 1 :]).diagonal()
         return np.moveaxis(found[1 : size + 1] - found[size + 1 :], 0, -1) / distance
 
@@ -146,6 +156,7 @@ class Recorded:
         states, steps = path.states[0], int(path.steps[0])
         if not steps:
             raise SimulationError(f"{run.name}: {path.failure[0]}")
+        self.steps[place] = steps
         if self.model.delays:
             of_states, of_readings = self._whole(run, point, states[: steps + 1], len(states))
         else:
@@ -182,7 +193,7 @@ class Recorded:
     def _taken_from(
         self, run: Run, point: FloatArray, states: FloatArray, size: tuple[int, int], threads: int
     ) -> _Steps:
-        """So many steps from each of these states, which are those of a run from a step on; `size` has both."""
+        """Steps from each of these states of a run; `size` is (first step, steps from each)."""
         given = {**run.parameters, **self._fixed, **dict(zip(self.parameters, point.tolist(), strict=False))}
         (first, horizon), count = size, len(states)
         part = slice(first, first + count * horizon)

@@ -11,7 +11,8 @@ import warnings
 from pathlib import Path
 
 from smpl._native import CompileError, ScenarioError, SimulationError
-from smpl.analysis.fitting import DERIVATIVES, fit
+from smpl.analysis.fitting import fit
+from smpl.analysis.least_squares import DERIVATIVES
 from smpl.model import compile
 
 
