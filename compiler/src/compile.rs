@@ -23,7 +23,7 @@ use crate::generate::{Effort, Generated, Request, generate};
 use crate::hoist::Hoister;
 use crate::ir::{Exprs, Role};
 use crate::layout::Layout;
-use crate::model::Model;
+use crate::model::{Interface, Model};
 use crate::read::{Loader, independent, read};
 use crate::schedule::{Staged, reroll};
 use crate::switches::Watched;
@@ -106,6 +106,7 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         elaborate::show_derivatives(&texts.files, sources, &mut faults);
         faults
     })?;
+    describe_reduction(&mut model.interface, sources);
     if model.interface.name.is_empty() {
         model.interface.name = named_after(sources.name(main));
     }
@@ -113,6 +114,28 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         elaborate::unused_parameters(&model, sources, main, &texts.ids).into_iter().for_each(|w| warnings.push(w));
     }
     Ok((model, warnings))
+}
+
+/// Puts places and texts of equations into the record of index reduction.
+fn describe_reduction(interface: &mut Interface, sources: &SourceMap) {
+    let file = |span: Span| std::path::Path::new(sources.name(span.file)).file_name().unwrap_or_default().to_string_lossy();
+    let place = |span: Span| format!("{}:{}", file(span), sources.locate(span).line);
+    let text = |span: Span| sources.text(span).split_whitespace().collect::<Vec<_>>().join(" ");
+    for one in &mut interface.reduction.differentiated {
+        (one.place, one.text) = (place(one.span), text(one.span));
+    }
+    for guard in &interface.reduction.guards {
+        let mut places: Vec<String> = guard.spans.iter().map(|span| place(*span)).collect();
+        places.dedup();
+        let names = guard.names.join("`, `");
+        if let Some(failure) = interface.finish.failures.get_mut(guard.failure as usize) {
+            let equation = if places.len() == 1 { "equation" } else { "equations" };
+            let places = places.join(" and ");
+            failure.text = format!(
+                "the {equation} at {places} no longer determines `{names}`; declare it with `prefer`, so that another state follows"
+            );
+        }
+    }
 }
 
 /// Name of a model without a name: that of its file.

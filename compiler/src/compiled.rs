@@ -10,7 +10,7 @@ use crate::ir::{Builtin, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
 pub use crate::layout::{Memory, Part, Region};
-use crate::model::{Interface, Model, Quantity, Root};
+use crate::model::{Failure, Interface, Model, Quantity, Root, RootAction};
 
 mod call;
 mod derivative;
@@ -134,6 +134,15 @@ impl CompiledModel {
     #[must_use]
     pub fn roots_info(&self) -> &[Root] {
         &self.parts.model.roots
+    }
+
+    /// The failure of a root function that watches a constraint of a reduced system.
+    #[must_use]
+    pub fn guard(&self, event: usize) -> Option<&Failure> {
+        let RootAction::Fail(failure) = self.roots_info().get(event)?.action else { return None };
+        let interface = &self.parts.model.interface;
+        let is_guard = interface.reduction.guards.iter().any(|guard| guard.failure == failure);
+        interface.finish.failures.get(failure as usize).filter(|_| is_guard)
     }
 
     /// Monitored root functions: the conditions of events, then the switches of the equations.

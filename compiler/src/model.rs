@@ -17,8 +17,9 @@ mod settings;
 mod test;
 
 pub use interface::{
-    AlgebraicCounts, Alternatives, BoxItem, Choice, Demoted, Differentiated, Draw, Failure, Finish, FinishLayout, Instant, Interface,
-    Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Variant, Variate,
+    AlgebraicCounts, Alternatives, BoxItem, Choice, Demoted, Differentiated, Draw, Failure, Finish, FinishLayout, Guard, Instant,
+    Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Variant,
+    Variate,
 };
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};

@@ -82,6 +82,7 @@ class Model:
     time_unit: str
     explicit: bool
     delays: list[str]
+    projected: list[str]
     unknowns: int
     states: int
     reward: str
@@ -127,8 +128,8 @@ class Model:
     ) -> tuple[FloatArray, FloatArray]: ...
     def reads_other_instants(self) -> bool: ...
     def linearize(
-        self, y: FloatArray, u: FloatArray, given: Given
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]: ...
+        self, y: FloatArray, u: FloatArray, given: Given, minimal: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[list[int], FloatArray] | None]: ...
     @property
     def constraint_names(self) -> list[str]: ...
     def disturbed(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from smpl import _native
 from smpl.analysis.adjoint import EpisodeGradient, gradient
+from smpl.analysis.linearization import Linearization
 from smpl.analysis.rollout import Rollout, rollout
 from smpl.analysis.sensitivity import StepDerivatives, linearize_rollout, linearize_step
 from smpl.analysis.step import Step
@@ -340,7 +341,8 @@ class Model(Named):
         p: Mapping[str, float] | None = None,
         *,
         pade: int | None = None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        minimal: bool = True,
+    ) -> Linearization:
         """Linearisation at (y, u) as A, B, C, D; algebraic unknowns are eliminated.
 
         d(dx)/dt = A dx + B du, dz = C dx + D du with states x, actions u and observations z,
@@ -348,20 +350,35 @@ class Model(Named):
         `previous(x)`, `steady(x)`) are constant as for `residual`; `linearize_step` has the
         derivatives of a whole step, in which they change.
 
-        A model with dead times needs the order of their Padé approximations, `pade`, 1 to 5: the states of these follow
-        those of the model in A, B and C (`with_pade(pade).state_names`), and rest at the point.
+        Args:
+            y: unknowns.
+            u: actions.
+            p: parameters and the like.
+            pade: order of the Padé approximations of dead times, 1 to 5; required by a model with
+                dead times. The states of the approximations follow those of the model in A, B and
+                C (`with_pade(pade).state_names`), and rest at the point.
+            minimal: return only free states of a model whose states are projected to constraints,
+                `state_names` of the result; otherwise all states, with a mode that decays for each
+                constraint.
 
         Raises:
             SimulationError: the algebraic equations are singular there, or `pade` is missing.
             ValueError: as for `residual`; also if an element of `y` is not finite, or a value of
                 `p` exceeds its bounds.
+
+        Example:
+            >>> model = smpl.compile("reactor")
+            >>> A, B, C, D = model.linearize(model.steady_state([26.85, 0.1]), [26.85, 0.1])
         """
         given = self._within(self._given(p))
         point = as_finite("y", y, len(self.unknown_names))
-        if pade is not None and self.delays:
-            approximate = self.with_pade(pade)
-            return approximate.native.linearize(approximate._rested(self, point, u, p), self._u(u), given)
-        return self.native.linearize(point, self._u(u), given)
+        model = self if pade is None or not self.delays else self.with_pade(pade)
+        if model is not self:
+            point = model._rested(self, point, u, p)
+        *matrices, free = model.native.linearize(point, self._u(u), given, minimal)
+        if free is None or not minimal:
+            return Linearization(matrices, model.state_names, None)
+        return Linearization(matrices, tuple(model.state_names[i] for i in free[0]), free[1])
 
     def _rested(self, exact: Model, y: FloatArray, u: npt.ArrayLike, p: Mapping[str, float] | None) -> FloatArray:
         """A point of a model with dead times, with the approximations of these at rest, by Newton's method."""

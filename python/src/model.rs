@@ -33,6 +33,8 @@ type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Indices<'py> = Bound<'py, PyArray1<i32>>;
 type Input<'py> = PyReadonlyArray1<'py, f64>;
+/// A, B, C, D, and the states that are coordinates with all states by these.
+type Linearized<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>, Option<(Vec<usize>, Matrix<'py>)>);
 
 /// By dense reward, time limit and method.
 type Setups = HashMap<(bool, Option<u32>, Option<Method>), Arc<Setup>>;
@@ -123,6 +125,13 @@ impl Model {
     #[getter]
     fn delays(&self) -> Vec<String> {
         self.loaded.model.model().delays.iter().map(|delay| delay.name.clone()).collect()
+    }
+
+    /// States that the end of a step projects to constraints and does not set otherwise.
+    #[getter]
+    fn projected(&self) -> Vec<String> {
+        let all = self.loaded.model.interface().reduction.projected.iter();
+        all.filter(|one| !one.set).flat_map(|one| one.states.iter().cloned()).collect()
     }
 
     #[getter]
@@ -444,16 +453,12 @@ impl Model {
         self.evaluate(py, |equations| Ok(equations.reads_other_instants()))
     }
 
-    /// A, B, C, D at a point.
-    fn linearize<'py>(
-        &self,
-        py: Python<'py>,
-        y: Input<'py>,
-        u: Input<'py>,
-        given: Given,
-    ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
+    /// A, B, C, D at a point; with `minimal` in free coordinates. Where constraints leave fewer of
+    /// these than states: also the states that are coordinates, and all states by these.
+    fn linearize<'py>(&self, py: Python<'py>, y: Input<'py>, u: Input<'py>, given: Given, minimal: bool) -> PyResult<Linearized<'py>> {
         let (y, u) = (y.as_slice()?, u.as_slice()?);
         let found = self.evaluate(py, |equations| equations.linearize(y, u, &given))?;
+        let found = if minimal { found.minimal() } else { found };
         let matrix = |(rows, columns): (usize, usize), get: &dyn Fn(usize, usize) -> f64| {
             Fresh::matrix(py, rows, columns).filled(|out| {
                 for (i, out) in out.iter_mut().enumerate() {
@@ -461,11 +466,13 @@ impl Model {
                 }
             })
         };
+        let free = found.free.as_ref();
         Ok((
             matrix(found.a.shape(), &|i, j| found.a[(i, j)]),
             matrix(found.b.shape(), &|i, j| found.b[(i, j)]),
             matrix(found.c.shape(), &|i, j| found.c[(i, j)]),
             matrix(found.d.shape(), &|i, j| found.d[(i, j)]),
+            free.map(|free| (free.coordinates.clone(), matrix(free.states.shape(), &|i, j| free.states[(i, j)]))),
         ))
     }
 }

@@ -144,7 +144,7 @@ impl Diagnosis {
         }
         if let Ok(linear) = linearize(&mut system, &setup.catalogue, environment.time(), y)
             && linear.a.nrows() <= DENSE
-            && let Some(spectrum) = eigenvalues(&linear.a)
+            && let Some(spectrum) = eigenvalues(&linear.minimal().a)
         {
             let size = |z: &&nalgebra::Complex<f64>| z.re.hypot(z.im);
             self.slowest = spectrum.values.iter().min_by(|a, b| size(a).total_cmp(&size(b))).map(|z| (z.re, z.im));

@@ -227,6 +227,12 @@ pub(crate) fn describe_solver(
         Some(equation) => format!("{equation}, {verb} {when}"),
         None => format!("the integration {verb} {when}"),
     };
+    let guard = failure.event.and_then(|event| model.guard(event));
+    if let (Some(guard), true) =
+        (guard, matches!(failure.cause, Cause::NotFinite | Cause::NoConvergence | Cause::TooManySteps | Cause::Singular))
+    {
+        return format!("{}: {}", subject("could not be integrated"), guard.text);
+    }
     match failure.cause {
         Cause::NotFinite => subject("became NaN"),
         Cause::NoConvergence => subject("could not be integrated (no convergence at the smallest step)"),

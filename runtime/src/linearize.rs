@@ -22,6 +22,8 @@ use crate::system::CompiledSystem;
 /// Most corrections of rates, and the relative change of their weights that ends them.
 const MOST_CORRECTIONS: usize = 50;
 const SETTLED: f64 = 1e-12;
+/// Largest entry of a row of constraints that depends on the others; rows are of length 1.
+const DEPENDENT: f64 = 1e-10;
 
 /// The matrices of a linearisation; states and actions in declaration order, units as declared.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +36,28 @@ pub struct Linearization {
     pub c: DMatrix<f64>,
     /// Observations by actions.
     pub d: DMatrix<f64>,
+    /// Constraints that states are projected to leave fewer free coordinates than states.
+    pub free: Option<Free>,
+}
+
+/// Coordinates of the states near a point on their constraints: some of the states themselves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Free {
+    /// Numbers of these states.
+    pub coordinates: Vec<usize>,
+    /// All states by the coordinates.
+    pub states: DMatrix<f64>,
+}
+
+impl Linearization {
+    /// The linearisation in free coordinates: without the modes that lead back to constraints.
+    #[must_use]
+    pub fn minimal(self) -> Linearization {
+        let Some(free) = self.free else { return self };
+        let a = self.a.select_rows(&free.coordinates) * &free.states;
+        let (b, c) = (self.b.select_rows(&free.coordinates), &self.c * &free.states);
+        Linearization { a, b, c, d: self.d, free: Some(free) }
+    }
 }
 
 /// Reason why a point cannot be linearised about.
@@ -83,6 +107,12 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
         }
         Ok(matrix)
     };
+    let projected = &model.interface().reduction.projected;
+    let constraints: u32 = projected.iter().map(|one| one.count).sum();
+    let bound: DMatrix<f64> = match constraints {
+        0 => DMatrix::zeros(0, n),
+        count => derivative(Derived::Constraints, WithRespectTo::Unknowns, 2 * count as usize, n)?,
+    };
     let by_u: DMatrix<f64> = derivative(Derived::Rows, WithRespectTo::Actions, n, actions)?;
     let seen_y: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Unknowns, observations, n)?;
     let seen_yp: DMatrix<f64> = derivative(Derived::Observations, WithRespectTo::Derivatives, observations, n)?;
@@ -94,7 +124,46 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
     };
     let c = seen_y.columns(0, nx) + seen_y.columns(nx, n - nx) * zx + seen_yp.columns(0, nx) * &a;
     let d = seen_u + seen_y.columns(nx, n - nx) * zu + seen_yp.columns(0, nx) * &b;
-    Ok(outside(catalogue, &a, &b, &c, &d))
+    let mut found = outside(catalogue, &a, &b, &c, &d);
+    if constraints > 0 {
+        let states = catalogue.states.elements();
+        found.free =
+            Some(free(DMatrix::from_fn(constraints as usize, nx, |i, j| bound[(2 * i, states[j].at)] * states[j].scale.abs()), |j| {
+                states[j].scale.abs()
+            }));
+    }
+    Ok(found)
+}
+
+/// Free coordinates where `bound` times the states, each in its scale, is zero: by elimination, row
+/// by row, with the largest entries as pivots.
+fn free(mut bound: DMatrix<f64>, scale: impl Fn(usize) -> f64) -> Free {
+    let (rows, columns) = bound.shape();
+    let mut pivots: Vec<(usize, usize)> = Vec::new();
+    for i in 0..rows {
+        let j = bound.row(i).iamax_full().1;
+        if bound[(i, j)].abs() <= DEPENDENT {
+            continue;
+        }
+        let row = bound.row(i) / bound[(i, j)];
+        for other in (0..rows).filter(|&other| other != i) {
+            let factor = bound[(other, j)];
+            if factor != 0.0 {
+                bound.row_mut(other).zip_apply(&row, |x, y| *x -= factor * y);
+            }
+        }
+        bound.row_mut(i).copy_from(&row);
+        pivots.push((i, j));
+    }
+    let coordinates: Vec<usize> = (0..columns).filter(|j| pivots.iter().all(|(_, column)| column != j)).collect();
+    let mut states = DMatrix::zeros(columns, coordinates.len());
+    for (k, &j) in coordinates.iter().enumerate() {
+        states[(j, k)] = 1.0;
+        for &(row, column) in &pivots {
+            states[(column, k)] = -bound[(row, j)] * scale(column) / scale(j);
+        }
+    }
+    Free { coordinates, states }
 }
 
 /// Rates and algebraic unknowns in deviations: dx/dt = a x + b u, z = zx x + zu u.
@@ -233,5 +302,5 @@ fn outside(catalogue: &Catalogue, a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatri
     let y: Vec<usize> = (0..c.nrows()).collect();
     let pick =
         |m: &DMatrix<f64>, rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| m[(rows[i], columns[j])]);
-    Linearization { a: pick(a, &x, &x), b: pick(b, &x, &u), c: pick(c, &y, &x), d: pick(d, &y, &u) }
+    Linearization { a: pick(a, &x, &x), b: pick(b, &x, &u), c: pick(c, &y, &x), d: pick(d, &y, &u), free: None }
 }

@@ -164,6 +164,76 @@ fn a_pendulum_does_not_leave_its_circle() {
     }
 }
 
+/// The angle and its rate by the classical method of Runge and Kutta, from the horizontal at rest.
+fn angle(g: f64, time: f64) -> (f64, f64) {
+    const STEPS: u32 = 20_000;
+    let h = time / f64::from(STEPS);
+    let rates = |(a, w): (f64, f64)| (w, -g * a.sin());
+    let moved = |(a, w): (f64, f64), (da, dw): (f64, f64), by: f64| (a + by * da, w + by * dw);
+    (0..STEPS).fold((std::f64::consts::FRAC_PI_2, 0.0), |z, _| {
+        let k1 = rates(z);
+        let k2 = rates(moved(z, k1, h / 2.0));
+        let k3 = rates(moved(z, k2, h / 2.0));
+        let k4 = rates(moved(z, k3, h));
+        moved(moved(moved(moved(z, k1, h / 6.0), k2, h / 3.0), k3, h / 3.0), k4, h / 6.0)
+    })
+}
+
+#[test]
+fn a_loop_of_pendulums_is_projected_as_a_loop() {
+    let text = |count: u32| {
+        format!(
+            "set k = 1..{count}
+            state x[i in k] = 1
+            state y[i in k] = 0
+            state u[i in k] : 1/s = 0
+            state v[i in k] : 1/s = 0
+            var F[k] : 1/s^2
+            eq d/dt x[i] = u[i] for i in k
+            eq d/dt y[i] = v[i] for i in k
+            eq d/dt u[i] = -F[i]*x[i] for i in k
+            eq d/dt v[i] = -F[i]*y[i] - 0.5[1/s^2]*i for i in k
+            eq x[i]^2 + y[i]^2 = 1 for i in k"
+        )
+    };
+    let expected: Vec<(String, f64)> = [1_u32, 7, 20]
+        .into_iter()
+        .flat_map(|i| {
+            let (a, w) = angle(0.5 * f64::from(i), 3.0);
+            [(format!("x[{i}]"), a.sin()), (format!("y[{i}]"), -a.cos()), (format!("u[{i}]"), w * a.cos())]
+        })
+        .collect();
+    let expected: Vec<(&str, f64)> = expected.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+    ends_at(&text(20), 3.0, &expected, 1e-5);
+    let code = |count: u32| environment(&text(count), Method::Auto, (1.0, 1)).setup().model().statistics().code_bytes;
+    assert!(code(400) < 2 * code(40), "{} and {} bytes", code(40), code(400));
+}
+
+/// With `prefer` x follows from y, until the pendulum passes its lowest point after a quarter of its
+/// period of 2.36784194757624 s.
+#[test]
+fn a_constraint_that_stops_to_determine_a_state_ends_the_episode_by_name() {
+    let text = pendulum(9.81, "x^2 + y^2 = 1 [m^2]").replace("y : m = 0", "y : m = 0 prefer");
+    for method in METHODS {
+        for steps in [1, 60] {
+            let mut environment = environment(&text, method, (1.0, steps));
+            environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+            while environment.is_running() {
+                environment.step(&[]).expect("a step");
+            }
+            let message = environment.failure_message();
+            for part in ["no longer determines `x`", "m.eq:"] {
+                assert!(message.contains(part), "{method}, {steps} steps: {message:?}");
+            }
+            assert!(
+                (environment.time() - 0.591_960).abs() < 0.02 || message.starts_with("solver"),
+                "{method}, {steps}: {}",
+                environment.time()
+            );
+        }
+    }
+}
+
 #[test]
 fn a_double_pendulum_keeps_both_rods() {
     let text = "param g : m/s^2 = 9.81

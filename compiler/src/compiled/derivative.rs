@@ -21,6 +21,9 @@ pub enum Derived {
     StartConditions,
     /// Delayed expressions; one row per element.
     Delayed,
+    /// Distances from the constraints that states are projected to; two rows for each, of which the
+    /// second is its rate.
+    Constraints,
 }
 
 /// Role of the variables of the derivatives; columns are positions in the region of that role.
@@ -42,7 +45,7 @@ pub enum WithRespectTo {
 const ROLES: usize = WithRespectTo::Delayed as usize + 1;
 
 /// Number of derivatives: each function with respect to each role.
-pub(super) const DERIVATIVES: usize = (Derived::Delayed as usize + 1) * ROLES;
+pub(super) const DERIVATIVES: usize = (Derived::Constraints as usize + 1) * ROLES;
 
 /// Row, column, value.
 pub type Triplet = (usize, usize, f64);
@@ -99,6 +102,10 @@ impl CompiledModel {
             }
             Derived::StartConditions => output_rows(&model.programs.start_conditions, 0),
             Derived::Delayed => output_rows(&model.programs.delayed, 0),
+            Derived::Constraints => {
+                let first = model.interface.reduction.projected.first().map_or(i64::MAX, |p| 2 * i64::from(p.invariant));
+                output_rows(&model.programs.invariants, first)
+            }
             Derived::SteadyConditions => {
                 let first = model.programs.steady.nests.iter().map(|n| n.stores.len()).sum::<usize>() as i64;
                 output_rows(

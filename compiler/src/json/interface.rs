@@ -9,8 +9,9 @@ use super::nodes::variable;
 use super::write::families;
 use crate::ir::{Role, VarId};
 use crate::model::{
-    AlgebraicCounts, Axis, BoxItem, Choice, Demoted, Differentiated, Draw, Episode, Failure, Finish, Grid, Interface, Invariant, Observed,
-    Port, PortMember, Projected, Quantities, Quantity, Reduction, Reward, Solver, StartCondition, Steady, Time, Variable, Variant,
+    AlgebraicCounts, Axis, BoxItem, Choice, Demoted, Differentiated, Draw, Episode, Failure, Finish, Grid, Guard, Interface, Invariant,
+    Observed, Port, PortMember, Projected, Quantities, Quantity, Reduction, Reward, Solver, StartCondition, Steady, Time, Variable,
+    Variant,
 };
 
 type Vars = PrimaryMap<VarId, Variable>;
@@ -52,24 +53,34 @@ pub(super) fn read(root: &At<'_>, vars: &Vars) -> Result<Interface, ReadError> {
     i.alternatives.choices = root.field("choices")?.list(choice)?;
     i.measured = root.maybe("measured")?.map_or_else(|| Ok(Vec::new()), |at| texts(&at))?;
     if let Some(at) = root.maybe("reduction")? {
-        i.reduction = reduction(&at, i.invariants.len().saturating_sub(1) as u32)?;
+        i.reduction = reduction(&at, i.invariants.len().saturating_sub(1) as u32, i.finish.failures.len())?;
     }
     Ok(i)
 }
 
-fn reduction(at: &At<'_>, invariants: u32) -> Result<Reduction, ReadError> {
-    at.only(&["differentiated", "follow", "projected"])?;
-    let once = |at: &At<'_>| Ok(Differentiated { span: Span::default(), times: at.count(u32::MAX)? });
+fn reduction(at: &At<'_>, invariants: u32, failures: usize) -> Result<Reduction, ReadError> {
+    at.only(&["differentiated", "follow", "projected", "guards"])?;
+    let differentiated = at.field("differentiated")?.list(|at| {
+        at.only(&["times", "place", "equation"])?;
+        let (place, text) = (at.field("place")?.string()?, at.field("equation")?.string()?);
+        Ok(Differentiated { span: Span::default(), place, text, times: at.field("times")?.count(u32::MAX)? })
+    })?;
+    let guards = at.field("guards")?.list(|at| {
+        at.only(&["failure", "names"])?;
+        let failure = at.field("failure")?.index(failures, "failure")? as u32;
+        Ok(Guard { failure, names: texts(&at.field("names")?)?, spans: Vec::new() })
+    })?;
     let demoted = at.field("follow")?.list(|at| {
         at.only(&["name", "elements", "whole"])?;
         Ok(Demoted { name: at.field("name")?.string()?, elements: texts(&at.field("elements")?)?, whole: at.field("whole")?.flag()? })
     })?;
     let projected = at.field("projected")?.list(|at| {
-        at.only(&["order", "states", "invariant"])?;
+        at.only(&["order", "states", "invariant", "count", "set"])?;
         let (order, invariant) = (at.field("order")?.count(u32::MAX)?, at.field("invariant")?.count(invariants)?);
-        Ok(Projected { span: Span::default(), order, states: texts(&at.field("states")?)?, invariant })
+        let (states, count) = (texts(&at.field("states")?)?, at.field("count")?.count(invariants + 1 - invariant)?);
+        Ok(Projected { span: Span::default(), order, states, invariant, count, set: at.field("set")?.flag()? })
     })?;
-    Ok(Reduction { differentiated: at.field("differentiated")?.list(once)?, demoted, projected, preferred: Vec::new() })
+    Ok(Reduction { differentiated, demoted, projected, preferred: Vec::new(), guards })
 }
 
 /// Number of elements; every length was checked.

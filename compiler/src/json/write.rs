@@ -9,8 +9,8 @@ use crate::artefact::Circumstances;
 use crate::export::{Element, ExportError, Families, Nominal, Origin};
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, List, MAX_DEPTH, Place, Program, Role, VarId};
 use crate::model::{
-    AlgebraicCounts, Axis, Delay, Demoted, Finish, Grid, Interface, Lag, Model, Port, PortMember, Projected, Quantities, Quantity,
-    Reduction, RootAction, Steady,
+    AlgebraicCounts, Axis, Delay, Demoted, Differentiated, Finish, Grid, Guard, Interface, Lag, Model, Port, PortMember, Projected,
+    Quantities, Quantity, Reduction, RootAction, Steady,
 };
 
 /// The text of a model.
@@ -79,15 +79,18 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     Ok(serde_json::to_string_pretty(&value)? + "\n")
 }
 
-/// The record of index reduction: orders of derivatives, states that follow, projections.
+/// The record of index reduction: equations with the orders of their derivatives, states that
+/// follow, projections, and constraints that could stop to determine what follows from them.
 fn reduction(r: &Reduction) -> Value {
-    let times: Vec<u32> = r.differentiated.iter().map(|d| d.times).collect();
+    let differentiated = |d: &Differentiated| json!({"times": d.times, "place": d.place, "equation": d.text});
+    let guard = |g: &Guard| json!({"failure": g.failure, "names": g.names});
     let follow = |d: &Demoted| json!({"name": d.name, "elements": d.elements, "whole": d.whole});
-    let projected = |p: &Projected| json!({"order": p.order, "states": p.states, "invariant": p.invariant});
+    let projected = |p: &Projected| json!({"order": p.order, "states": p.states, "invariant": p.invariant, "count": p.count, "set": p.set});
     json!({
-        "differentiated": times,
+        "differentiated": r.differentiated.iter().map(differentiated).collect::<Vec<_>>(),
         "follow": r.demoted.iter().map(follow).collect::<Vec<_>>(),
         "projected": r.projected.iter().map(projected).collect::<Vec<_>>(),
+        "guards": r.guards.iter().map(guard).collect::<Vec<_>>(),
     })
 }
 

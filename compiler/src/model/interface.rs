@@ -63,6 +63,8 @@ pub struct Reduction {
     pub projected: Vec<Projected>,
     /// Names of states that should stay states.
     pub preferred: Vec<String>,
+    /// Constraints that could stop to determine what follows from them.
+    pub guards: Vec<Guard>,
 }
 
 impl Reduction {
@@ -78,8 +80,23 @@ impl Reduction {
 pub struct Differentiated {
     /// The equation.
     pub span: Span,
+    /// File and line of the equation.
+    pub place: String,
+    /// Text of the equation.
+    pub text: String,
     /// Order of its highest derivative.
     pub times: u32,
+}
+
+/// Constraints that could stop to determine what follows from them; the episode ends there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Guard {
+    /// Number of its failure.
+    pub failure: u32,
+    /// Names of the variables that follow.
+    pub names: Vec<String>,
+    /// The equations.
+    pub spans: Vec<Span>,
 }
 
 /// A constraint that states are projected to.
@@ -91,8 +108,12 @@ pub struct Projected {
     pub order: u32,
     /// Names of the states.
     pub states: Vec<String>,
-    /// Number of the invariant that is the distance from it.
+    /// Number of the first invariant that is the distance from it, one for each pass of its loops.
     pub invariant: u32,
+    /// Number of these.
+    pub count: u32,
+    /// The text of the model sets some of the states at the end of a step too.
+    pub set: bool,
 }
 
 /// A declared state of which elements follow from equations.

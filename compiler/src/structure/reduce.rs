@@ -5,7 +5,8 @@
 //!    of highest order.
 //! 3. [`demote`] lets one unknown of lower order, or one state, follow from each equation that was
 //!    differentiated. Constraints stay equations of the reduced system, so that nothing drifts.
-//!    Where what a constraint determines could change, [`project`] keeps all states on it.
+//!    Where what a constraint determines could change, [`project`] keeps all states on it; where it
+//!    cannot, [`guard`] ends the episode before a constraint stops to determine what follows.
 //! 4. [`finish`] writes the model: states that follow from constraints are algebraic variables.
 //!
 //! A loop of equations is one node all along: it is differentiated and matched as a whole. Where
@@ -14,6 +15,7 @@
 mod bounds;
 mod demote;
 mod finish;
+mod guard;
 mod pantelides;
 mod project;
 mod slopes;
@@ -90,6 +92,7 @@ fn attempt(model: &Model, equations: &[Equation], plan: &Plan, unroll: bool) -> 
     top.sort_unstable_by_key(|(node, _)| *node);
     let top = top.into_iter().map(|(node, elements)| finish::settled(&nodes, node, elements)).collect();
     groups.iter().for_each(|group| project::project(&mut model, &mut slopes, group));
+    guard::watch(&mut model, &settled);
     let (rows, helpers) = finish::finish(&mut model, top, settled, &slopes);
     Ok(Reduced { model, rows, helpers })
 }
@@ -202,7 +205,7 @@ fn differentiated(system: &System) -> Vec<Differentiated> {
     for node in system.nodes.iter().filter(|node| node.order > 0) {
         match out.iter_mut().find(|d| d.span == node.span) {
             Some(known) => known.times = known.times.max(node.order),
-            None => out.push(Differentiated { span: node.span, times: node.order }),
+            None => out.push(Differentiated { span: node.span, place: String::new(), text: String::new(), times: node.order }),
         }
     }
     out.sort_by_key(|d| (d.span.file, d.span.start));

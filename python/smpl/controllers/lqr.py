@@ -76,7 +76,7 @@ class LQR(TakesWrapped):
     Attributes:
         gain: K, (actions, states + integrators).
         state, action_at_rest: x_s and u_s.
-        system: A, B, C, D of continuous time.
+        system: A, B, C, D of continuous time, in as many states as are free.
         eigenvalues: of the closed loop.
 
     Raises:
@@ -118,14 +118,25 @@ class LQR(TakesWrapped):
         if discrete and cost == "integral":
             Q, R, N = sampled_cost(A, B, Q, R, N, self.model.step)
         F, G, Q, N = self._augmented(F, G, Q, N, discrete)
-        self.gain, self.riccati = _regulator(F, G, Q, R, N, discrete, self._stateful_names())
-        self.eigenvalues = np.linalg.eigvals(F - G @ self.gain)
-        # States of approximations go on with the linear model, in deviations.
-        known = len(self.model.state_names)
-        self._goes_on = [part[known:n] for part in sampled(A, B, self.model.step)]
-        self._memory = np.zeros(n - known)
+        gain, self.riccati = _regulator(F, G, Q, R, N, discrete, self._stateful_names())
+        self.eigenvalues = np.linalg.eigvals(F - G @ gain)
+        free = len(self.system.state_names)
+        self.gain = np.hstack([self._of_states(gain[:, :free]), gain[:, free:]])
+        # The linear model predicts the states of approximations, which are the last ones.
+        self._memory = np.zeros(n - len(self.model.state_names))
+        by_states, by_actions = (part[free - len(self._memory) :] for part in sampled(A, B, self.model.step))
+        self._goes_on = self._of_states(by_states), by_actions
         self._sum = np.zeros(len(self._integral))
         self._low, self._high = self.model.native.bounds("action")
+
+    def _of_states(self, rows: FloatArray) -> FloatArray:
+        """Rows that multiply free states, with a column for every state."""
+        names = self._linear.state_names
+        if self.system.state_names == names:
+            return rows
+        whole = np.zeros((*rows.shape[:-1], len(names)))
+        whole[..., [names.index(name) for name in self.system.state_names]] = rows
+        return whole
 
     def reset(self, env: Env) -> None:
         """Forget the summed errors.
@@ -157,7 +168,7 @@ class LQR(TakesWrapped):
     def _accumulate(self, deviation: FloatArray, action: FloatArray, wanted: FloatArray) -> None:
         n = len(self.state)
         for j, (row, through, _) in enumerate(self._integral):
-            error = float(row @ deviation + through @ (action - self.action_at_rest))
+            error = float(self._of_states(row) @ deviation + through @ (action - self.action_at_rest))
             # What the error would change in each action, where that one is at its limit.
             push = -self.gain[:, n + j] * error
             if not np.any((wanted - action) * push > 0):
@@ -194,7 +205,9 @@ class LQR(TakesWrapped):
         if not (r > 0).all():
             missing = [name for name, one in zip(model.action_names, r, strict=True) if not one > 0]
             raise ValueError(f"action_weight: {', '.join(missing)} weigh nothing, expected a positive weight for each")
-        Q, R, N = np.diag(q), np.diag(r), np.zeros((len(q), len(r)))
+        Q, R, N = np.diag(q), np.diag(r), np.zeros((len(self.system.state_names), len(r)))
+        if self.system.state_names != model.state_names:
+            Q = self.system.states.T @ Q @ self.system.states
         if w is not None:
             C, D = self.system[2:]
             Q, R, N = Q + C.T @ np.diag(w) @ C, R + D.T @ np.diag(w) @ D, C.T @ np.diag(w) @ D
@@ -227,7 +240,7 @@ class LQR(TakesWrapped):
         return 0.01 * float(row @ Q @ row) / norm**2 if norm > 0 else 1.0
 
     def _stateful_names(self) -> list[str]:
-        return [*self._linear.state_names, *(f"integral {i}" for i in range(len(self._integral)))]
+        return [*self.system.state_names, *(f"integral {i}" for i in range(len(self._integral)))]
 
 
 class LQG(TakesWrapped):

@@ -124,7 +124,7 @@ def slow_gain(model: Model, action: int, measurement: Measured) -> float:
     if n > _MOST_STATES:
         return 0.0
     try:
-        A, B, C, D = model.linearize(*operating_point(model))
+        A, B, C, D = model.linearize(*operating_point(model), minimal=False)
     except (SimulationError, ValueError):
         return 0.0
     row = np.eye(n)[measurement.index] if measurement.of_state else C[measurement.index]

@@ -272,8 +272,12 @@ class Expressions(Mapping[str, Any]):
         return equations, explicit, kept
 
     def _refuse_jumps(self, at: list[int]) -> None:
-        """States that are reset at sampling instants have no smooth prediction."""
+        """States that are reset at sampling instants have no smooth prediction.
+
+        The projection to a constraint changes nothing where the equations keep the constraint.
+        """
         e, ca = self.export, self._ca
+        projected = set(self.model.native.projected)
         for name in ("start", "end"):
             if name not in e.functions:
                 continue
@@ -281,6 +285,7 @@ class Expressions(Mapping[str, Any]):
             jumping = [
                 e.state_names[i] for i in at if not ca.is_equal(after[i], self._symbol(f"x:{e.state_names[i]}"), 2)
             ]
+            jumping = [one for one in jumping if name == "start" or one not in projected]
             if jumping:
                 raise ValueError(
                     f"{e.name} sets {', '.join(jumping[:4])} at the {name} of a step, which derivatives cannot predict:"

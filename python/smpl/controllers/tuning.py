@@ -115,7 +115,7 @@ def step_response(
         ValueError: an unknown name, no effect, or an unstable process.
     """
     y, u = operating_point(model, at, p)
-    A, B, C, D = model.linearize(y, u, p)
+    A, B, C, D = model.linearize(y, u, p, minimal=False)
     column = action_index(model, action)
     row, through = _output(model, measurement, C, D[:, column])
     unstable = np.linalg.eigvals(A).real.max(initial=0.0)

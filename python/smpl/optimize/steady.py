@@ -227,7 +227,7 @@ class _Problem:
         whole = np.zeros(len(self.augmented.unknown_names))
         whole[self.own] = y
         rates = self.augmented.residual(0.0, whole, np.zeros_like(whole), u, self.p)
-        A, B, _, _ = self.augmented.linearize(whole, u, self.p)
+        A, B, _, _ = self.augmented.linearize(whole, u, self.p, minimal=False)
         A_x, A_g = A[np.ix_(self.x, self.x)], A[np.ix_(self.g, self.x)]
         scale = self.high - self.low
         B_x, B_g = B[np.ix_(self.x, self.places)] * scale, B[np.ix_(self.g, self.places)] * scale

@@ -34,7 +34,10 @@ impl Environment {
         let t = self.time();
         let (model, memory) = self.system.parts();
         model.invariants(memory, t, &self.progress.y, &self.progress.yp, &mut out);
-        let off = |projected: &&Projected| out.get(2 * projected.invariant as usize).is_some_and(|distance| distance.abs() > FITS);
+        let off = |projected: &&Projected| {
+            let (first, count) = (2 * projected.invariant as usize, 2 * projected.count as usize);
+            out.get(first..first + count).is_some_and(|pairs| pairs.chunks_exact(2).any(|pair| pair[0].abs() > FITS))
+        };
         let Some(projected) = interface.reduction.projected.iter().find(off) else { return Ok(()) };
         let place =
             setup.sources().map(|sources| format!(" at {}:{}", sources.name(projected.span.file), sources.locate(projected.span).line));

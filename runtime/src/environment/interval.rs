@@ -36,6 +36,9 @@ const ACCUMULATION: f64 = 1e-9;
 /// many.
 const EVER_SOONER: u32 = 50;
 
+/// Share of a constraint's derivatives below which a failure of the integrator is put down to it.
+const NEARLY: f64 = 0.05;
+
 impl Environment {
     /// Applies a finite action and integrates to the end of the interval, or to what ends it.
     pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
@@ -204,7 +207,9 @@ impl Environment {
                     }
                 }
                 Err(error) => {
-                    self.progress.verdict.solver_failure = Some(blame(&error, t));
+                    let mut failure = blame(&error, t);
+                    failure.event = failure.event.or_else(|| self.undetermined());
+                    self.progress.verdict.solver_failure = Some(failure);
                     return Outcome::Solver;
                 }
             }
@@ -225,6 +230,20 @@ impl Environment {
         self.progress.edges.copy_from_slice(&self.integrator.edges()[..count]);
         self.progress.carried = self.integrator.carried();
         outcome
+    }
+
+    /// The constraint of a reduced system that hardly determines what follows from it, where the
+    /// integrator failed; by its root function.
+    fn undetermined(&mut self) -> Option<usize> {
+        let setup = std::sync::Arc::clone(&self.setup);
+        if setup.model().interface().reduction.guards.is_empty() {
+            return None;
+        }
+        let mut values = vec![f64::NAN; setup.model().watched().len()];
+        let (t, y, yp) = (self.integrator.time(), self.integrator.state(), self.integrator.derivative());
+        crate::solver::System::roots(&mut self.system, t, y, yp, &mut values);
+        let near = (0..setup.model().roots_info().len()).filter(|&event| setup.model().guard(event).is_some() && values[event] > -NEARLY);
+        near.max_by(|&a, &b| values[a].total_cmp(&values[b]))
     }
 
     /// The step ends here, where its state is that of.

@@ -19,7 +19,6 @@ mod new;
 mod outputs;
 mod plot;
 mod python;
-mod reduction;
 mod report;
 mod runs;
 mod simulate;

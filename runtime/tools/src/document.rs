@@ -13,6 +13,7 @@ mod equations;
 mod flowsheet;
 mod markdown;
 mod names;
+mod reduction;
 mod statements;
 
 use std::collections::HashMap;
@@ -27,6 +28,7 @@ use smpl_dsl::syntax::File;
 pub(crate) use equations::latex;
 pub(crate) use flowsheet::flowsheet;
 
+use crate::reduction::Summary;
 use markdown::prose;
 use smpl_runtime::files::read_text;
 
@@ -76,6 +78,7 @@ pub(crate) fn markdown(model: &CompiledModel, source: Option<&Source>, figures: 
     if let Some(source) = source {
         page.push_str(&statements::page(source, interface));
     }
+    page.push_str(&Summary::of(interface).map(|summary| reduction::page(&summary)).unwrap_or_default());
     let policies: Vec<&str> = model.model().programs.policies.iter().map(|(name, _)| name.as_str()).collect();
     page.push_str(&names::page(interface, &policies));
     page

@@ -14,5 +14,6 @@ pub(crate) mod live;
 pub mod lsp;
 pub mod picture;
 pub(crate) mod policy;
+pub(crate) mod reduction;
 pub(crate) mod sweep;
 pub(crate) mod trial;

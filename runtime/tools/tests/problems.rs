@@ -20,9 +20,19 @@ fn solve(name: &str, options: &[&str]) -> Vec<(String, f64)> {
     let text = std::fs::read_to_string(&out).expect("a table");
     let _ = std::fs::remove_file(&out);
     let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
-    let last: Vec<&str> = lines.last().expect("rows").split(',').collect();
-    header.iter().zip(last).filter_map(|(name, cell)| Some(((*name).to_owned(), cell.parse().ok()?))).collect()
+    let header = cells(lines.next().expect("a header"));
+    let last = cells(lines.last().expect("rows"));
+    header.into_iter().zip(last).filter_map(|(name, cell)| Some((name, cell.parse().ok()?))).collect()
+}
+
+/// Cells of a row; a comma within quotation marks is part of a name.
+fn cells(row: &str) -> Vec<String> {
+    let mut quoted = false;
+    let outside = |c: char| {
+        quoted ^= c == '"';
+        c == ',' && !quoted
+    };
+    row.split(outside).map(|cell| cell.trim_matches('"').to_owned()).collect()
 }
 
 /// Compares with reference values: six digits, or `small` absolutely.
@@ -150,6 +160,39 @@ fn transistor_amplifier() {
 fn transistor_amplifier_with_a_singular_matrix_of_rates() {
     for method in ["ida", "rosenbrock", "auto"] {
         check_with("transistor_amplifier_as_published", &["--method", method], &TRANSISTOR, 1e-7);
+    }
+}
+
+/// Published values of the first two particles and, from SciPy's DOP853 (`rtol=1e-12`) on the form
+/// reduced by hand, of the last one.
+const FEKETE: [(&str, f64); 9] = [
+    ("p[x,1]", -0.407_026_338_033_320_2),
+    ("p[y,1]", 0.346_375_877_279_180_2),
+    ("p[z,1]", 0.845_194_245_003_042_9),
+    ("p[x,2]", 0.077_529_347_525_215_5),
+    ("p[y,2]", -0.262_866_271_997_229_9),
+    ("p[z,2]", 0.961_712_287_182_914_6),
+    ("p[x,20]", 0.710_395_120_937_1),
+    ("p[y,20]", 0.240_357_043_125_1),
+    ("p[z,20]", -0.661_488_672_590_3),
+];
+
+/// Index 2: a loop of twenty pairs of constraints, to which positions and velocities are projected.
+#[test]
+fn fekete_points_stay_on_their_sphere() {
+    for method in ["ida", "rosenbrock", "auto"] {
+        for (step, steps) in [("step=1000", "max_steps=1"), ("step=10", "max_steps=100")] {
+            let options = ["--method", method, "--set", step, "--set", steps];
+            check_with("fekete", &options, &FEKETE, 1e-7);
+            let end: std::collections::HashMap<String, f64> = solve("fekete", &options).into_iter().collect();
+            for i in 1..=20 {
+                let of = |name: char| ['x', 'y', 'z'].map(|axis| end[&format!("{name}[{axis},{i}]")]);
+                let (p, q) = (of('p'), of('q'));
+                let square: f64 = p.iter().map(|x| x * x).sum();
+                let along: f64 = p.iter().zip(q).map(|(x, v)| x * v).sum();
+                assert!((square - 1.0).abs() < 1e-9 && along.abs() < 1e-9, "{method}, particle {i}: {square} {along}");
+            }
+        }
     }
 }
 

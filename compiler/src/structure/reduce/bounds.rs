@@ -1,6 +1,6 @@
 //! Test for zero by declared bounds.
 
-use crate::ir::{BinaryFn, Expr, ExprId, FastMap, Flavour, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, FastMap, Flavour, Role, UnaryFn, VarId};
 use crate::model::{Model, Quantity};
 
 /// Least and greatest value.
@@ -22,7 +22,7 @@ fn span(model: &Model, e: ExprId, known: &FastMap<ExprId, Span>) -> Span {
     let of = |e: ExprId| known.get(&e).copied().unwrap_or(ANY);
     match model.exprs.node(e) {
         Expr::Const(bits) => (f64::from_bits(bits), f64::from_bits(bits)),
-        Expr::Load { var, flavour: Flavour::Value, at } => declared(model, var, at.offset),
+        Expr::Load { var, flavour: Flavour::Value, at } => declared(model, var, at),
         Expr::Unary(UnaryFn::Neg, a) => (-of(a).1, -of(a).0),
         Expr::Unary(UnaryFn::Exp, a) => (of(a).0.exp().max(f64::MIN_POSITIVE), of(a).1.exp()),
         Expr::Unary(UnaryFn::Sqrt, a) => (of(a).0.max(0.0).sqrt(), of(a).1.max(0.0).sqrt()),
@@ -45,12 +45,21 @@ fn products(a: Span, b: Span) -> Span {
     (all.into_iter().fold(f64::INFINITY, f64::min), all.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// The bounds of an element; a parameter without bounds has the sign of its declared value.
-fn declared(model: &Model, var: VarId, element: i64) -> Span {
+/// The bounds of an element, in a loop of all elements; a parameter without bounds has the sign of
+/// its declared value.
+fn declared(model: &Model, var: VarId, at: Affine) -> Span {
     let q = &model.interface.quantities;
     let all = [&q.states, &q.algebraics, &q.parameters, &q.actions, &q.discretes, &q.disturbances];
     let Some(quantity) = all.into_iter().flatten().find(|q| q.var == Some(var)) else { return ANY };
-    let pick = |list: &[f64]| Quantity::pick(list, element.max(0) as usize);
+    if at.is_constant() {
+        return declared_of(model, quantity, var, at.offset.max(0) as usize);
+    }
+    let each = (0..quantity.len()).map(|i| declared_of(model, quantity, var, i));
+    each.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or(ANY)
+}
+
+fn declared_of(model: &Model, quantity: &Quantity, var: VarId, element: usize) -> Span {
+    let pick = |list: &[f64]| Quantity::pick(list, element);
     let (low, high, value) = (pick(&quantity.low), pick(&quantity.high), pick(&quantity.default));
     let open = low == f64::NEG_INFINITY && high == f64::INFINITY;
     match model.vars[var].role {

@@ -10,10 +10,10 @@ use super::bounds::cannot_vanish;
 use super::pantelides::System;
 use super::project::{Group, states_of};
 use super::start::Start;
-use super::system::{Matching, Node, Pool, Search, Wishes, by_element};
+use super::system::{Matching, Node, Pool, Search, Wishes, by_element, scale};
 use crate::elaborate::for_each_element;
 use crate::ir::{Affine, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
-use crate::model::{Model, Quantity};
+use crate::model::Model;
 
 /// Elements of variables.
 type Elements = FastSet<(VarId, i64)>;
@@ -34,6 +34,8 @@ pub(super) struct Settled {
     pub(super) node: Node,
     pub(super) var: VarId,
     pub(super) at: Affine,
+    /// The derivative by it could become zero.
+    pub(super) varies: bool,
 }
 
 /// Treatment of constraints.
@@ -49,16 +51,16 @@ pub(super) struct Outcome {
 pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Option<Outcome> {
     let numbers: Vec<usize> = (0..system.nodes.len()).filter(|&i| system.nodes[i].derivative.is_some()).collect();
     let nodes: Vec<Node> = numbers.iter().map(|&i| system.nodes[i].clone()).collect();
-    let mut outcome = Outcome::default();
-    if nodes.iter().all(|node| node.extents.is_empty()) {
+    let found = if nodes.iter().all(|node| node.extents.is_empty()) {
         let fresh = fresh_states(model, system, &numbers);
         let start = Start::of(model);
         let found = by_numbers(model, (&nodes, &fresh), &system.lower, wishes, &start);
-        let found = found.or_else(|| by_numbers(model, (&nodes, &fresh), &system.lower, wishes, &Start::anywhere()))?;
-        outcome = apart(model, system, wishes, found);
+        found.or_else(|| by_numbers(model, (&nodes, &fresh), &system.lower, wishes, &Start::anywhere()))?
     } else {
-        outcome.settled = by_structure(model, nodes, &system.lower, wishes)?;
-    }
+        let settled = by_structure(model, nodes, &system.lower, wishes)?;
+        settled.into_iter().map(|s| Settled { varies: may_vanish(model, &s), ..s }).collect()
+    };
+    let outcome = apart(model, system, wishes, found);
     let count = |of: &dyn Fn(VarId) -> bool| outcome.settled.iter().filter(|s| of(s.var)).map(|s| s.node.count()).sum::<i64>();
     let forced = count(&|var| model.vars[var].role == Role::Algebraic);
     (forced == system.lower.elements().len() as i64).then_some(outcome)
@@ -84,24 +86,34 @@ fn fresh_states(model: &Model, system: &System, numbers: &[usize]) -> Vec<FastSe
     numbers.iter().map(fresh).collect()
 }
 
+/// Returns `true` if the derivative of a constraint by what follows from it could be zero.
+fn may_vanish(model: &mut Model, s: &Settled) -> bool {
+    let slope = by_element(&mut model.exprs, s.node.extents.len(), s.node.residual, (s.var, s.at));
+    slope.is_none_or(|slope| !is_constant(model, slope) && !cannot_vanish(model, slope))
+}
+
 /// Takes the constraints apart that share no state: those of which a pivot could vanish are
 /// projected.
-fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<(Settled, bool)>) -> Outcome {
-    let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|(s, _)| states_of(model, std::slice::from_ref(&s.node))).collect();
+fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -> Outcome {
+    let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|s| states_of(model, std::slice::from_ref(&s.node))).collect();
     let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
     states.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&state| with.entry(state).or_default().push(i)));
-    let next: Vec<Vec<usize>> = states.iter().map(|list| list.iter().flat_map(|state| with[state].iter().copied()).collect()).collect();
+    let next = states.iter().map(|list| {
+        let mut next: Vec<usize> = list.iter().flat_map(|state| with[state].iter().copied()).collect();
+        next.sort_unstable();
+        next.dedup();
+        next
+    });
     let mut outcome = Outcome::default();
-    for part in crate::graph::connected(&next) {
-        let nodes: Vec<Node> = part.iter().map(|&i| found[i].0.node.clone()).collect();
-        let scale = |&(var, element): &(VarId, i64)| (var, element, column(model, wishes, var, Affine::constant(element)).scale);
-        let states: Vec<_> = states_of(model, &nodes).iter().map(scale).collect();
-        let group = Group { nodes, states };
-        let only_states = part.iter().all(|&i| model.vars[found[i].0.var].role == Role::State);
-        if only_states && part.iter().any(|&i| found[i].1) && group.may_be_projected(&system.slopes, wishes) {
-            outcome.groups.push(group);
-        } else {
-            outcome.settled.extend(part.iter().map(|&i| found[i].0.clone()));
+    for part in crate::graph::connected(&next.collect::<Vec<_>>()) {
+        let only_states = part.iter().all(|&i| model.vars[found[i].var].role == Role::State);
+        let group = (only_states && part.iter().any(|&i| found[i].varies)).then(|| {
+            let nodes: Vec<Node> = part.iter().map(|&i| found[i].node.clone()).collect();
+            Group::of(model, nodes)
+        });
+        match group.flatten().filter(|group| group.may_be_projected(&system.slopes, wishes)) {
+            Some(group) => outcome.groups.push(group),
+            None => outcome.settled.extend(part.iter().map(|&i| found[i].clone())),
         }
     }
     outcome
@@ -126,21 +138,17 @@ struct Column {
 }
 
 fn column(model: &Model, wishes: &Wishes, var: VarId, at: Affine) -> Column {
-    let q = &model.interface.quantities;
-    let quantity = q.states.iter().chain(&q.algebraics).find(|q| q.var == Some(var));
-    let scale = quantity.map(|q| Quantity::pick(&q.scale, at.offset.max(0) as usize)).filter(|x| x.is_finite() && *x > 0.0);
-    Column { var, at, keep: wishes.keep.get(&var).copied().unwrap_or(0), scale: scale.unwrap_or(1.0) }
+    Column { var, at, keep: wishes.keep.get(&var).copied().unwrap_or(0), scale: scale(model, var, at) }
 }
 
-/// Elimination with pivots chosen by the numbers at the start; with each whether its pivot could
-/// vanish.
+/// Elimination with pivots chosen by the numbers at the start.
 fn by_numbers(
     model: &mut Model,
     (nodes, fresh): (&[Node], &[Elements]),
     lower: &Pool,
     wishes: &Wishes,
     start: &Start,
-) -> Option<Vec<(Settled, bool)>> {
+) -> Option<Vec<Settled>> {
     let mut columns: Vec<Column> = Vec::new();
     let mut number: FastMap<(VarId, i64), usize> = FastMap::default();
     let mut rows: Vec<BTreeMap<usize, f64>> = Vec::new();
@@ -182,7 +190,7 @@ fn by_numbers(
     }
     let settled = nodes.iter().zip(&elimination.used).enumerate().map(|(row, (node, c))| {
         let c = (*c)?;
-        Some((Settled { node: node.clone(), var: columns[c].var, at: columns[c].at }, varies.contains(&(row, c))))
+        Some(Settled { node: node.clone(), var: columns[c].var, at: columns[c].at, varies: varies.contains(&(row, c)) })
     });
     settled.collect()
 }
@@ -289,7 +297,7 @@ fn by_structure(model: &mut Model, nodes: Vec<Node>, lower: &Pool, wishes: &Wish
         }
     }
     let mut settled: Vec<Settled> = (0..nodes.len())
-        .map(|i| matching.of.get(&i).map(|&(var, at)| Settled { node: nodes[i].clone(), var, at }))
+        .map(|i| matching.of.get(&i).map(|&(var, at)| Settled { node: nodes[i].clone(), var, at, varies: false }))
         .collect::<Option<_>>()?;
     for (var, element) in lower.elements() {
         if !holds(&settled, var, element) && !give(model, &mut settled, (var, element), &mut FastSet::default()) {
@@ -362,10 +370,11 @@ fn alone(model: &mut Model, settled: &mut Vec<Settled>, i: usize, read: Affine, 
     let part = |model: &mut Model, first: i64, count: i64| {
         let residual = super::super::cuts::advanced(&mut model.exprs, s.node.residual, LoopVar(0), first);
         let node = Node { extents: vec![count as u32], residual, ..s.node.clone() };
-        Settled { node, var: s.var, at: s.at.advanced(0, first) }
+        Settled { node, var: s.var, at: s.at.advanced(0, first), varies: s.varies }
     };
     let residual = model.exprs.shift(s.node.residual, LoopVar(0), pass);
-    let single = Settled { node: Node { extents: Vec::new(), residual, ..s.node.clone() }, var: s.var, at: s.at.at_pass(0, pass) };
+    let node = Node { extents: Vec::new(), residual, ..s.node.clone() };
+    let single = Settled { node, var: s.var, at: s.at.at_pass(0, pass), varies: s.varies };
     for (first, count) in [(0, pass), (pass + 1, n - pass - 1)] {
         if count > 0 {
             let piece = part(model, first, count);

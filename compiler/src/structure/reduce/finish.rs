@@ -3,7 +3,7 @@
 use super::super::cuts::advanced;
 use super::demote::Settled;
 use super::slopes::{Piece, Slopes, whole};
-use super::system::{Node, Pool};
+use super::system::{Node, Pool, whole_of};
 use crate::elaborate::for_each_element;
 use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Nest, Place, Role, Store, Target, VarId};
 use crate::model::{Axis, Demoted, Model, Quantity, Row, Variable};
@@ -65,17 +65,6 @@ fn rate_row(exprs: &mut Exprs, var: VarId, piece: Piece) -> Row {
     let own = exprs.load(var, Flavour::Derivative, piece.at);
     let residual = exprs.sub(piece.value, own);
     Row { extents: piece.extents, var, at: piece.at, residual, span: piece.span }
-}
-
-/// Addresses of the elements of a new variable in the order of a nest of loops.
-fn whole_of(extents: &[u32], len: usize) -> Affine {
-    let mut at = Affine::constant(0);
-    let mut stride = len as i64;
-    for (d, &n) in extents.iter().enumerate() {
-        stride /= i64::from(n.max(1));
-        at = at.plus(Affine::along(0, LoopVar(d as u8), stride));
-    }
-    at
 }
 
 /// The parts of a variable that stay states, each with a new variable.
@@ -289,5 +278,5 @@ pub(super) fn set_at_instants(model: &Model) -> FastSet<VarId> {
 
 /// A node with its elements.
 pub(super) fn settled(nodes: &[Node], node: usize, (var, at): (VarId, Affine)) -> Settled {
-    Settled { node: nodes[node].clone(), var, at }
+    Settled { node: nodes[node].clone(), var, at, varies: false }
 }

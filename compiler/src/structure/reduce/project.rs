@@ -3,11 +3,13 @@
 //! All states stay states. Off the constraints h(x) = 0 their rates lead back to them:
 //! x' = f - κ W Hᵀ (H W Hᵀ)⁻¹ h with H = ∂h/∂x. At the end of each step the states are projected in
 //! the same direction. No choice of coordinates is made that could become bad.
+//! Loops of constraints are projected pass by pass, in one loop, where no two passes share a state.
 
-use super::slopes::Slopes;
-use super::system::{Node, Wishes, by_element};
+use super::super::common::{element_name, passes};
+use super::slopes::{Piece, Slopes};
+use super::system::{Node, Wishes, by_element, scale, whole_of};
 use crate::elaborate::for_each_element;
-use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, Nest, Place, Program, Store, Target, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, Nest, Place, Program, Role, Store, Target, UnaryFn, VarId};
 use crate::model::{Invariant, Model, Projected};
 
 /// Newton steps of a projection.
@@ -19,20 +21,49 @@ const RETURN: f64 = 2.0;
 /// Most constraints that are projected together.
 pub(super) const MOST: usize = 6;
 
-/// Constraints with the states that they bind.
+/// A state of a group, in each pass of its loops, with its magnitude.
+pub(super) type Bound = (VarId, Affine, f64);
+
+/// Constraints with the states that they bind, in the same loops.
 pub(super) struct Group {
+    pub(super) extents: Vec<u32>,
     pub(super) nodes: Vec<Node>,
-    /// The states and their magnitudes.
-    pub(super) states: Vec<(VarId, i64, f64)>,
+    pub(super) states: Vec<Bound>,
 }
 
 impl Group {
+    /// The group of some constraints; `None` if their loops differ or share a state between two
+    /// passes.
+    pub(super) fn of(model: &Model, nodes: Vec<Node>) -> Option<Group> {
+        let extents = nodes.first()?.extents.clone();
+        if nodes.iter().any(|node| node.extents != extents) {
+            return None;
+        }
+        let mut bound: Vec<(VarId, Affine)> = nodes.iter().flat_map(|node| node.candidates(model, Role::State)).collect();
+        bound.sort_unstable();
+        bound.dedup();
+        let mut own = FastSet::default();
+        for &(var, at) in &bound {
+            for_each_element(&extents, at, &mut |i| {
+                own.insert((var, i));
+            });
+        }
+        let read: FastSet<(VarId, i64)> = states_of(model, &nodes).into_iter().collect();
+        let is_apart = own.len() as i64 == passes(&extents) * bound.len() as i64 && own == read;
+        let states = bound.into_iter().map(|(var, at)| (var, at, scale(model, var, at))).collect();
+        is_apart.then_some(Group { extents, nodes, states })
+    }
+
+    /// The equation of the rate of a state, if it has the loops of the group.
+    fn rate<'p>(&self, list: &'p mut [Piece], at: Affine) -> Option<&'p mut Piece> {
+        list.iter_mut().find(|piece| piece.at == at && piece.extents == self.extents)
+    }
+
     /// Returns `true` if all of its states have explicit rates and none is preferred.
     pub(super) fn may_be_projected(&self, slopes: &Slopes, wishes: &Wishes) -> bool {
-        let own = |&(var, element, _): &(VarId, i64, f64)| {
-            let pieces = slopes.pieces.get(&var).into_iter().flatten();
-            let mut pieces = pieces.filter(|piece| piece.extents.is_empty());
-            pieces.any(|piece| piece.at == Affine::constant(element)) && wishes.keep.get(&var).is_none_or(|&keep| keep < 4)
+        let own = |&(var, at, _): &Bound| {
+            let rated = slopes.pieces.get(&var).is_some_and(|list| self.rate(&mut list.clone(), at).is_some());
+            rated && wishes.keep.get(&var).is_none_or(|&keep| keep < 4)
         };
         self.nodes.len() <= MOST && self.states.iter().all(own)
     }
@@ -43,35 +74,34 @@ pub(super) fn project(model: &mut Model, slopes: &mut Slopes, group: &Group) {
     let step = model.interface.episode.step;
     let back = RETURN / if step > 0.0 && step.is_finite() { step } else { 1.0 };
     let changes = changes(&mut model.exprs, group);
-    for (&(var, element, _), change) in group.states.iter().zip(&changes) {
-        let pieces = slopes.pieces.entry(var).or_default();
-        for piece in pieces.iter_mut().filter(|piece| piece.extents.is_empty() && piece.at == Affine::constant(element)) {
+    for (&(var, at, _), change) in group.states.iter().zip(&changes) {
+        if let Some(piece) = group.rate(slopes.pieces.entry(var).or_default(), at) {
             let back = model.exprs.constant(back);
             let part = model.exprs.mul(back, *change);
             piece.value = model.exprs.add(piece.value, part);
         }
     }
-    let stores = group.states.iter().zip(&changes).map(|(&(var, element, _), &change)| {
-        let at = Affine::constant(element);
+    let stores = group.states.iter().zip(&changes).map(|(&(var, at, _), &change)| {
         let x = model.exprs.load(var, Flavour::Value, at);
-        Store { target: Target { place: Place::Var(var), at }, value: model.exprs.add(x, change) }
+        Store { target: Target::var(var, at), value: model.exprs.add(x, change) }
     });
-    let nest = Nest { loops: Vec::new(), stores: stores.collect() };
-    let passes = || std::iter::repeat_n(nest.clone(), PASSES);
+    let nest = Nest::over(group.extents.clone(), stores.collect());
+    let newton = || std::iter::repeat_n(nest.clone(), PASSES);
     let set: FastSet<VarId> = group.states.iter().map(|state| state.0).collect();
     let programs = &mut model.programs;
-    programs.end.nests.splice(0..0, passes());
     let sets = |program: &Program| {
         let mut places = program.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.target.place);
         places.any(|place| matches!(place, Place::Var(var) if set.contains(&var)))
     };
+    let set_too = sets(&programs.end);
+    programs.end.nests.splice(0..0, newton());
     for program in [&mut programs.start].into_iter().chain(&mut programs.events) {
         if sets(program) {
-            program.nests.extend(passes());
+            program.nests.extend(newton());
         }
     }
     programs.end.in_place = true;
-    watch(model, group);
+    watch(model, group, set_too);
 }
 
 /// The Newton step of each state to the constraints, the shortest one in the scale of the states.
@@ -104,8 +134,8 @@ fn changes(exprs: &mut Exprs, group: &Group) -> Vec<ExprId> {
 
 /// The derivatives of the constraints by the states, in the scale of these.
 fn slopes_of(exprs: &mut Exprs, group: &Group) -> Vec<Vec<ExprId>> {
-    let mut slope = |node: &Node, &(var, element, scale): &(VarId, i64, f64)| {
-        let slope = by_element(exprs, 0, node.residual, (var, Affine::constant(element)));
+    let mut slope = |node: &Node, &(var, at, scale): &Bound| {
+        let slope = by_element(exprs, node.extents.len(), node.residual, (var, at));
         let slope = slope.unwrap_or_else(|| exprs.constant(0.0));
         let scale = exprs.constant(scale);
         exprs.mul(slope, scale)
@@ -140,7 +170,7 @@ fn solve(exprs: &mut Exprs, matrix: &mut [Vec<ExprId>], off: &mut [ExprId]) {
 
 /// Makes invariants of the constraints: the distance from each of them in the scale of the states,
 /// which starts are tested by.
-fn watch(model: &mut Model, group: &Group) {
+fn watch(model: &mut Model, group: &Group, set: bool) {
     let slopes = slopes_of(&mut model.exprs, group);
     for (node, slopes) in group.nodes.iter().zip(slopes) {
         let exprs = &mut model.exprs;
@@ -154,27 +184,29 @@ fn watch(model: &mut Model, group: &Group) {
         let size = exprs.binary(BinaryFn::Max, size, tiny);
         let value = exprs.div(node.residual, size);
         let zero = exprs.constant(0.0);
-        let list = &mut model.interface.invariants;
-        let first = 2 * list.len() as i64;
+        let (first, count) = (model.interface.invariants.len() as u32, passes(&group.extents));
         let name = format!("constraint_{}", model.interface.reduction.projected.len() + 1);
-        let text = "distance from a constraint in the scale of its states".to_owned();
-        let invariant = list.len() as u32;
-        list.push(Invariant { name, text });
-        let store = |at: i64, value: ExprId| Store { target: Target { place: Place::Out, at: Affine::constant(at) }, value };
-        let stores = vec![store(first, value), store(first + 1, zero)];
-        model.programs.invariants.nests.push(Nest { loops: Vec::new(), stores });
-        let states = group.states.iter().map(|&(var, element, _)| super::super::common::element_name(model, var, element)).collect();
-        model.interface.reduction.projected.push(Projected { span: node.span, order: node.order, states, invariant });
+        let text = "distance from a constraint in the scale of its states";
+        let invariant = |name: String| Invariant { name, text: text.to_owned() };
+        let indexed = (1..=count).map(|i| invariant(if group.extents.is_empty() { name.clone() } else { format!("{name}[{i}]") }));
+        model.interface.invariants.extend(indexed);
+        let at = whole_of(&group.extents, count as usize).plus(Affine::constant(i64::from(first))).times(2);
+        let stores = [(0, value), (1, zero)].map(|(k, value)| Store { target: Target::out(at.plus(Affine::constant(k))), value });
+        model.programs.invariants.nests.push(Nest::over(group.extents.clone(), stores.to_vec()));
+        let mut states = Vec::new();
+        for &(var, at, _) in &group.states {
+            for_each_element(&group.extents, at, &mut |i| states.push(element_name(model, var, i)));
+        }
+        let (span, order) = (node.span, node.order);
+        model.interface.reduction.projected.push(Projected { span, order, states, invariant: first, count: count as u32, set });
     }
 }
 
 /// The states that nodes read, each once.
 pub(super) fn states_of(model: &Model, nodes: &[Node]) -> Vec<(VarId, i64)> {
     let mut out = Vec::new();
-    for node in nodes {
-        for (var, at) in node.candidates(model, crate::ir::Role::State) {
-            for_each_element(&node.extents, at, &mut |i| out.push((var, i)));
-        }
+    for read in nodes.iter().flat_map(|node| node.reads(model, Role::State)) {
+        read.each(&mut |i| out.push((read.var, i)));
     }
     out.sort_unstable();
     out.dedup();

@@ -6,8 +6,8 @@ use smpl_dsl::span::Span;
 use super::super::common::passes;
 use crate::differentiate;
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, Loops, MAX_DEPTH, Role, VarId, loops_of};
-use crate::model::Model;
+use crate::ir::{Affine, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Loops, MAX_DEPTH, Role, VarId, loops_of};
+use crate::model::{Model, Quantity};
 
 /// Passes of a sum of which each is tried as the unknown of an equation.
 const TRIED: u32 = 64;
@@ -66,7 +66,7 @@ impl Node {
 
     /// The node at one pass of its innermost loop.
     fn at_pass(&self, exprs: &mut Exprs, d: usize, pass: i64) -> Node {
-        let residual = exprs.shift(self.residual, crate::ir::LoopVar(d as u8), pass);
+        let residual = exprs.shift(self.residual, LoopVar(d as u8), pass);
         let own = self.own.map(|(var, at)| (var, at.at_pass(d, pass)));
         Node { extents: self.extents[..d].to_vec(), residual, own, ..self.clone() }
     }
@@ -114,6 +114,17 @@ fn is_injective(extents: &[u32], at: Affine) -> bool {
         reach += stride * (n - 1);
         apart
     })
+}
+
+/// Addresses of `len` elements one after another in the order of a nest of loops.
+pub(super) fn whole_of(extents: &[u32], len: usize) -> Affine {
+    let mut at = Affine::constant(0);
+    let mut stride = len as i64;
+    for (d, &n) in extents.iter().enumerate() {
+        stride /= i64::from(n.max(1));
+        at = at.plus(Affine::along(0, LoopVar(d as u8), stride));
+    }
+    at
 }
 
 /// A load inside of loops.
@@ -292,4 +303,12 @@ pub(super) fn by_element(exprs: &mut Exprs, depth: usize, e: ExprId, (var, at): 
         _ => None,
     };
     differentiate::total(exprs, depth, e, &one).ok()
+}
+
+/// The declared magnitude of a variable, 1 without one.
+pub(super) fn scale(model: &Model, var: VarId, at: Affine) -> f64 {
+    let q = &model.interface.quantities;
+    let quantity = q.states.iter().chain(&q.algebraics).find(|q| q.var == Some(var));
+    let scale = quantity.map(|q| Quantity::pick(&q.scale, at.offset.max(0) as usize)).filter(|x| x.is_finite() && *x > 0.0);
+    scale.unwrap_or(1.0)
 }

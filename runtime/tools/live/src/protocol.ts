@@ -281,6 +281,16 @@ export interface StructureResult {
   nonzeros: number | null;
   roots: { name: string; action: string }[];
   invariants: string[];
+  reduction: Reduction | null;
+}
+
+/** What index reduction did. */
+export interface Reduction {
+  differentiated: { times: number; place: string; equation: string; range: Location | null; line: number | null; uri?: string }[];
+  follow: string[];
+  projected: string[];
+  free: string[];
+  freedom: number;
 }
 
 export interface EquationEntry {

@@ -8,8 +8,9 @@ use serde_json::{Value as Json, json};
 use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap, printable};
 
 use super::report::{self, Failed};
-use super::{Files, Format, ModelArguments, reduction, say};
+use super::{Files, Format, ModelArguments, say};
 use crate::policy::Policy;
+use crate::reduction::Summary;
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded};
 use smpl_runtime::setup::Setup;
@@ -41,8 +42,10 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                 show(&loaded.warnings, &loaded.sources, arguments.format, &mut objects);
                 if arguments.format == Format::Text {
                     say(printable(&format!("{}: {}\n", file.display(), verdict(&loaded))))?;
-                    if arguments.verbose {
-                        say(printable(&reduction::listing(loaded.model.interface(), &loaded.sources)))?;
+                    if arguments.verbose
+                        && let Some(summary) = Summary::of(loaded.model.interface())
+                    {
+                        say(printable(&summary.text()))?;
                     }
                 }
                 if arguments.invariants {

@@ -11,7 +11,8 @@ use smpl_compiler::compiled::{CompiledModel, WatchRole};
 use smpl_compiler::model::{AlgebraicCounts, Quantity};
 
 use super::report::Failed;
-use super::{ModelArguments, outputs, reduction, say};
+use super::{ModelArguments, outputs, say};
+use crate::reduction::Summary;
 use smpl_compiler::emit;
 use smpl_runtime::catalogue::{Catalogue, Element, Family};
 use smpl_runtime::files::write_whole;
@@ -112,7 +113,7 @@ fn summary(loaded: &Loaded, loading: Duration, out: &Path) -> Result<String, Fai
     let _ = writeln!(text, "model {}: {}", interface.name, interface.text);
     let _ = writeln!(text, "  differential states   {}", model.states());
     let _ = writeln!(text, "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted");
-    text.push_str(&reduction::listing(interface, &loaded.sources));
+    text.push_str(&Summary::of(interface).map(|summary| summary.text()).unwrap_or_default());
     let _ = writeln!(text, "  discrete variables    {}", count(&interface.quantities.discretes));
     let _ = writeln!(text, "  actions               {}", count(&interface.quantities.actions));
     let _ = writeln!(text, "  observations          {}", interface.finish.observations.len());
@@ -212,10 +213,7 @@ fn interface_json(model: &CompiledModel) -> Result<String, Failed> {
         "time": {"name": interface.time.name, "unit": interface.time.unit},
         "states": family(&catalogue.states),
         "algebraics": family(&catalogue.algebraics),
-        "reduction": {
-            "differentiated": interface.reduction.differentiated.iter().map(|d| d.times).collect::<Vec<_>>(),
-            "follow": interface.reduction.demoted.iter().flat_map(|d| &d.elements).collect::<Vec<_>>(),
-        },
+        "reduction": Summary::of(interface).map(|summary| summary.json()),
         "discretes": family(&catalogue.discretes),
         "actions": family(&catalogue.actions),
         "disturbances": family(&catalogue.disturbances),

@@ -237,7 +237,7 @@ fn spectrum(system: &mut smpl_runtime::system::CompiledSystem, catalogue: &Catal
         return format!("eigenvalues: not computed for more than {LARGE} states\n");
     }
     let values = match linearize(system, catalogue, 0.0, y) {
-        Ok(linear) => eigenvalues(&linear.a),
+        Ok(linear) => eigenvalues(&linear.minimal().a),
         Err(error) => return format!("eigenvalues: {error}\n"),
     };
     let Some(spectrum) = values else {

@@ -140,7 +140,7 @@ fn spectrum(system: &mut CompiledSystem, catalogue: &Catalogue, y: &[f64]) -> (V
         Ok(linear) => linear,
         Err(error) => return (Value::Null, error.to_string()),
     };
-    let Some(spectrum) = eigenvalues(&linear.a) else {
+    let Some(spectrum) = eigenvalues(&linear.minimal().a) else {
         return (Value::Null, "the iteration for the eigenvalues did not converge".into());
     };
     let values = spectrum.values.iter().map(|v| json!({"re": number(v.re), "im": number(v.im)})).collect();

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::graph::connected;
-use smpl_compiler::model::{Quantity, RootAction};
+use smpl_compiler::model::{Interface, Quantity, RootAction};
 use smpl_dsl::diagnostic::SourceMap;
 
 use super::describe::range;
@@ -15,6 +15,7 @@ use super::models::Found;
 use super::settings::Settings;
 use super::uri::uri_of;
 use super::wire::Answer;
+use crate::reduction::Summary;
 
 /// Unknowns beyond which blocks are not looked for.
 const LARGE: usize = 20_000;
@@ -49,12 +50,25 @@ pub(crate) fn answer(found: &Found, settings: &Settings) -> Answer {
         "algebraic": algebraic.collect::<Vec<Value>>(),
         "equations": equations(model, sources),
         "blocks": blocks(model, &setup.catalogue),
+        "reduction": reduction(interface, sources),
         "explicit": model.explicit(),
         "method": settings.solver(found.compiled.loaded.options.solver.clone())?.method.unwrap_or(interface.solver.method).name(),
         "nonzeros": model.pattern().nonzeros(),
         "roots": roots.collect::<Vec<Value>>(),
         "invariants": interface.invariants.iter().map(|i| i.name.as_str()).collect::<Vec<&str>>(),
     }))
+}
+
+/// The record of index reduction, with places in the text; `null` without one.
+fn reduction(interface: &Interface, sources: &SourceMap) -> Value {
+    let Some(mut value) = Summary::of(interface).map(|summary| summary.json()) else { return Value::Null };
+    let places = interface.reduction.differentiated.iter();
+    for (entry, one) in value["differentiated"].as_array_mut().into_iter().flatten().zip(places) {
+        entry["range"] = range(sources, one.span);
+        entry["line"] = json!(sources.locate(one.span).line);
+        entry["uri"] = json!(uri_of(Path::new(sources.name(one.span.file))));
+    }
+    value
 }
 
 /// The equation that determines each unknown; the parts of one array by one equation are one entry.

@@ -5,7 +5,7 @@ import { RpcError } from "../client.ts";
 import { button, type Child, fill, h } from "../dom.ts";
 import { Follower } from "../follower.ts";
 import { typesetUnit } from "../numbers.ts";
-import type { Location, StructureResult } from "../protocol.ts";
+import type { Location, Reduction, StructureResult } from "../protocol.ts";
 import { ErrorCode } from "../protocol.ts";
 import { table } from "./table.ts";
 import type { Tab } from "./tab.ts";
@@ -66,6 +66,7 @@ export class Structure implements Tab {
         r.nonzeros === null ? null : card(r.nonzeros, "entries of the Jacobian"), r.blocks.length > 0 ? card(r.blocks.length, largest > 1 ? `blocks, the largest of ${largest}` : "blocks") : null,
         card(r.explicit ? "explicit" : "implicit", `in its derivatives${r.method ? `; method ${r.method}` : ""}`),
       ),
+      r.reduction ? section("Index reduction", this.reduction(r.reduction), 0) : null,
       section("Which equation determines what", table(["Unknown", "Equation", "Line"], r.equations.slice(0, MOST).map((e) => [mono(e.unknown), mono(e.text), this.line(e.uri, e.range, e.line)]), [2]), r.equations.length),
       section("States", this.names(r.states), r.states.length),
       r.algebraic.length ? section("Algebraic variables", table(["Name", "Unit", "Elements", "Kind", "Line"], r.algebraic.slice(0, MOST).map((a) => [mono(a.name), typesetUnit(a.unit), a.count, a.kind ?? "", this.line(a.uri, a.range)]), [2, 4]), r.algebraic.length) : null,
@@ -75,6 +76,16 @@ export class Structure implements Tab {
       r.roots.length ? section("Conditions that are located", table(["Condition", "Action"], r.roots.slice(0, MOST).map((x) => [mono(x.name), x.action])), r.roots.length) : null,
       r.invariants.length ? section("Invariants", h("p", {}, mono(r.invariants.join(", "))), 0) : null,
     );
+  }
+
+  private reduction(r: Reduction): HTMLElement {
+    const times = (n: number) => (n === 1 ? "once" : n === 2 ? "twice" : `${n} times`);
+    const few = (names: string[]) => mono(names.slice(0, 24).join(", ") + (names.length > 24 ? `, … (${names.length})` : ""));
+    const rows: Child[][] = r.differentiated.slice(0, MOST).map((d) => [`differentiated ${times(d.times)}`, mono(d.equation), this.line(d.uri, d.range, d.line)]);
+    if (r.projected.length) rows.push(["states projected", few(r.projected), ""]);
+    if (r.follow.length) rows.push(["states that follow", few(r.follow), ""]);
+    rows.push([r.freedom < r.free.length ? `free at the start: ${r.freedom} of` : "free at the start", r.free.length ? few(r.free) : "nothing", ""]);
+    return table(["Effect", "Which", "Line"], rows, [2]);
   }
 
   private names(rows: StructureResult["states"]): HTMLElement {
