@@ -208,6 +208,9 @@ fn reduction(function: &Ident, body: &Expr, binders: &[Binder], condition: Optio
         let over = if whole { String::new() } else { format!("_{{{}}}", below(binders, condition)) };
         return format!("\\int{over} {}{}", typeset(body, Level::Product), variables.collect::<String>());
     }
+    if let ("interp", [binder], Some(at)) = (function.text.as_str(), binders, condition) {
+        return format!("\\left.{}\\right|_{{{} = {}}}", expression(body), name(&binder.name.text), expression(at));
+    }
     let operator = match function.text.as_str() {
         "sum" => "\\sum".to_owned(),
         "product" => "\\prod".to_owned(),

@@ -368,6 +368,8 @@ pub struct Domain {
     pub scheme: Option<Ident>,
     /// `geometry NAME`: planar (default), cylindrical, spherical
     pub geometry: Option<Ident>,
+    /// `periodic`: the first cell follows the last one; the place of the word
+    pub periodic: Option<Span>,
     /// `stretch q`: ratio of neighbouring cells
     pub stretch: Option<Expr>,
     /// `faces expr`: position of face k (0..n), with `k` bound

@@ -142,7 +142,9 @@ pub fn reset_error(error: &ResetError) -> PyErr {
                 Err(other) => other,
             }
         }),
-        ResetError::Steady(_) | ResetError::Inconsistent { .. } | ResetError::Interrupted => SimulationError::new_err(error.to_string()),
+        ResetError::Steady(_) | ResetError::Cyclic { .. } | ResetError::Inconsistent { .. } | ResetError::Interrupted => {
+            SimulationError::new_err(error.to_string())
+        }
         _ => PyValueError::new_err(error.to_string()),
     }
 }

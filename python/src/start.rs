@@ -34,12 +34,7 @@ impl Start {
         held: Vec<String>,
         disturbance_seed: Option<u64>,
     ) -> PyResult<Self> {
-        let start = match mode {
-            "sampled" => Mode::Sampled,
-            "nominal" => Mode::Nominal,
-            "steady" => Mode::Steady,
-            _ => return Err(PyValueError::new_err(format!("unknown start `{mode}`"))),
-        };
+        let start = Mode::from_name(mode).ok_or_else(|| PyValueError::new_err(format!("unknown start `{mode}`")))?;
         let state = match state {
             None => StateInput::Start,
             Some(GivenState::Named(named)) => StateInput::Named(named),

@@ -7,6 +7,7 @@
 //! time limit. A step allocates nothing. It depends only on the state, the action, the episode's
 //! key and, with a one-step method, the last accepted step size.
 
+mod cyclic;
 mod finish;
 mod following;
 mod glance;

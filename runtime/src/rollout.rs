@@ -499,7 +499,7 @@ fn pick(values: &[f64], width: usize, index: usize) -> &[f64] {
 /// There is no start with these values, which may be the question.
 fn is_infeasible(error: &ResetError) -> bool {
     match error {
-        ResetError::Inconsistent { .. } | ResetError::NotFinite { .. } => true,
+        ResetError::Inconsistent { .. } | ResetError::Cyclic { .. } | ResetError::NotFinite { .. } => true,
         ResetError::Steady(error) => !matches!(error, SteadyError::Interrupted),
         _ => false,
     }

@@ -316,7 +316,7 @@ fn clauses(keyword: &str) -> &'static [&'static str] {
         "at" => &["every"],
         "invariant" => &["rate"],
         "phase" => &["for", "until", "then"],
-        "domain" => &["cells", "scheme", "geometry", "stretch", "faces", "areas", "volumes"],
+        "domain" => &["cells", "scheme", "geometry", "stretch", "faces", "areas", "volumes", "periodic"],
         "use" => &["as"],
         "reward" => &["default"],
         "table" => &["over", "default", "until", "from", "linear", "step", "cubic", "outside"],

@@ -24,6 +24,7 @@ pub(in crate::elaborate) mod outcome;
 pub(in crate::elaborate) mod paths;
 pub(in crate::elaborate) mod phases;
 pub(in crate::elaborate) mod place;
+mod places;
 pub(in crate::elaborate) mod random_and_tables;
 pub(in crate::elaborate) mod ranges;
 pub(in crate::elaborate) mod reactions;

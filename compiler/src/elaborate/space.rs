@@ -97,4 +97,9 @@ impl<'a> Symbols<'a> {
         let d = self.domains[domain].declaration;
         d.stretch.is_none() && d.faces.is_none()
     }
+
+    /// Returns `true` if the first cell of a domain follows its last one.
+    pub(in crate::elaborate) fn is_periodic(&self, domain: DomainId) -> bool {
+        self.domains[domain].declaration.periodic.is_some()
+    }
 }

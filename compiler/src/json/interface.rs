@@ -331,7 +331,7 @@ fn positive(at: &At<'_>, name: &str) -> Result<f64, ReadError> {
 }
 
 fn episode(at: &At<'_>) -> Result<Episode, ReadError> {
-    at.only(&["step", "integrate", "max_steps", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"])?;
+    at.only(&["step", "integrate", "max_steps", "cycle", "error_reward", "end_is_success", "failure_pays_alone", "single_precision"])?;
     let max_steps = at.field("max_steps")?;
     let steps = max_steps.count(u32::MAX)?;
     if steps == 0 {
@@ -341,6 +341,7 @@ fn episode(at: &At<'_>) -> Result<Episode, ReadError> {
         step: positive(at, "step")?,
         integrate: positive(at, "integrate")?,
         max_steps: steps,
+        cycle: at.maybe("cycle")?.map(|at| at.number_that("positive and finite", |x| x > 0.0 && x.is_finite())).transpose()?,
         error_reward: at.field("error_reward")?.number_that("finite", f64::is_finite)?,
         end_is_success: at.field("end_is_success")?.flag()?,
         failure_pays_alone: at.field("failure_pays_alone")?.flag()?,

@@ -62,7 +62,7 @@ pub(crate) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
         "steady": steady(i, &families),
         "start_conditions": i.start_conditions.iter().map(|c| json!({"count": c.count, "free": c.free, "only": c.only})).collect::<Vec<_>>(),
         "start_resets": i.start_resets,
-        "episode": i.episode,
+        "episode": episode(i),
         "solver": solver(i),
         "variants": i.alternatives.variants.iter().map(|v| json!({"name": v.name, "on": v.on})).collect::<Vec<_>>(),
         "choices": i.alternatives.choices.iter().map(|c| json!({"name": c.name, "options": c.options, "chosen": c.chosen()})).collect::<Vec<_>>(),
@@ -189,6 +189,15 @@ pub(super) fn elements(families: &Families) -> Value {
         "disturbances": elements(&families.disturbances),
         "parameters": elements(&families.parameters),
     })
+}
+
+/// The settings of the episode; without a period it is absent.
+fn episode(i: &Interface) -> Value {
+    let mut episode = json!(i.episode);
+    if i.episode.cycle.is_none() {
+        episode.as_object_mut().map(|entries| entries.remove("cycle"));
+    }
+    episode
 }
 
 /// The settings of the solver; no longest step is null.

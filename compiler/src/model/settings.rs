@@ -11,6 +11,8 @@ pub struct Episode {
     pub integrate: f64,
     /// Time limit in steps.
     pub max_steps: u32,
+    /// Period of a cyclic start, a multiple of `step`.
+    pub cycle: Option<f64>,
     /// Reward of a failing step.
     pub error_reward: f64,
     /// The end at `max_steps` is a success (a batch of fixed length), not a truncation.
@@ -152,6 +154,7 @@ impl Default for Episode {
             step: 1.0,
             integrate: 1.0,
             max_steps: 100,
+            cycle: None,
             error_reward: -1000.0,
             end_is_success: false,
             failure_pays_alone: false,

@@ -12,11 +12,11 @@
   "Keywords that begin a statement.")
 
 (defconst smpl-clauses
-  '("if" "then" "else" "and" "or" "not" "for" "in" "as" "every" "delay" "noise" "scale" "clip" "named" "nonnegative" "prefer" "default" "when" "rate" "until" "over" "cells" "from" "linear" "scheme" "geometry" "stretch" "faces" "areas" "volumes" "columns" "event" "at")
+  '("if" "then" "else" "and" "or" "not" "for" "in" "as" "every" "delay" "noise" "scale" "clip" "named" "nonnegative" "prefer" "default" "when" "rate" "until" "over" "cells" "from" "linear" "scheme" "geometry" "stretch" "faces" "areas" "volumes" "periodic" "columns" "event" "at")
   "Keywords inside of a statement.")
 
 (defconst smpl-functions
-  '("abs" "acos" "all" "any" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "exp" "floor" "grad" "high" "initial" "inside" "integral" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "sampled" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "uniform" "upwind" "value" "volume" "width")
+  '("abs" "acos" "all" "any" "argmax" "argmin" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "exp" "floor" "grad" "high" "initial" "inside" "integral" "interp" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "sampled" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "uniform" "upwind" "value" "volume" "width")
   "Built-in functions.")
 
 (defvar smpl-mode-syntax-table

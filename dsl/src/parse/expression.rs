@@ -248,7 +248,14 @@ fn call(context: &Context<'_>, function: Ident, pair: Pair<'_, Rule>, depth: usi
     for part in pair.into_inner() {
         match part.as_rule() {
             Rule::reduction => reduction = Some(part),
-            Rule::before => arguments.push(before(context, &function, arguments.len(), part, depth)?),
+            Rule::named_argument => {
+                let (name, value) = named(context, part, depth)?;
+                match (function.text.as_str(), arguments.len(), name.text.as_str()) {
+                    ("delay", 2, "before") => arguments.push(value),
+                    ("interp", 1, _) => return Ok(Expr { span: place, kind: interpolation(function, arguments, name, value) }),
+                    _ => return Err(Box::new(misnamed(&name))),
+                }
+            }
             _ => arguments.push(nested(context, part, depth)?),
         }
     }
@@ -263,17 +270,27 @@ fn call(context: &Context<'_>, function: Ident, pair: Pair<'_, Rule>, depth: usi
     Ok(Expr { span: place, kind })
 }
 
-/// `before = e`, the third argument of `delay`.
-fn before(context: &Context<'_>, function: &Ident, position: usize, pair: Pair<'_, Rule>, depth: usize) -> Fallible<Expr> {
-    let place = context.span(&pair);
-    if (function.text.as_str(), position) != ("delay", 2) {
-        let message = "`before = ...` is the third argument of `delay`";
-        let fault = Diagnostic::error(codes::SYNTAX, message, place);
-        return Err(Box::new(fault.help("write `delay(e, theta, before = e0)`")));
-    }
+/// `before = e`, `z = x`
+fn named(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible<(Ident, Expr)> {
     let mut children = Children::new(pair);
+    let name = children.name(context)?;
     children.skip(Rule::equals);
-    children.expect(context, Rule::expr).and_then(|value| nested(context, value, depth))
+    let value = children.expect(context, Rule::expr).and_then(|value| nested(context, value, depth))?;
+    Ok((name, value))
+}
+
+/// The fault of a named argument of a function that has none of this name there.
+fn misnamed(name: &Ident) -> Diagnostic {
+    let message = format!("`{} = ...` is not an argument of this function", name.text);
+    let fault = Diagnostic::error(codes::SYNTAX, message, name.span);
+    fault.help("the named arguments are `delay(e, theta, before = e0)` and `interp(T[z], z = x)`")
+}
+
+/// `interp(T[z], z = x)`: over the cells `z`, with the position in the place of the condition.
+fn interpolation(function: Ident, body: Vec<Expr>, name: Ident, at: Expr) -> ExprKind {
+    let binder = Binder { span: name.span.to(at.span), name, over: BinderSet::Itself };
+    let body = body.into_iter().next().map(Box::new).unwrap_or_else(|| Box::new(at.clone()));
+    ExprKind::Reduce { function, body, binders: vec![binder], condition: Some(Box::new(at)) }
 }
 
 fn reduce(context: &Context<'_>, function: Ident, body: Expr, pair: Pair<'_, Rule>, depth: usize) -> Fallible<ExprKind> {

@@ -7,6 +7,7 @@ use pest::iterators::Pair;
 
 use super::{Children, Context, Fallible, Rule, declaration, expression, problem, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
+use crate::span::Span;
 use crate::syntax::{Domain, Expr, Flux, Ident, Local, Parameter, ParameterKind, PortName, Role, Statement, StatementKind};
 
 /// The rule that reads the rest of a statement behind its keyword.
@@ -184,8 +185,9 @@ fn domain(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Stateme
         let fault = Diagnostic::error(codes::MISSING_CLAUSE, format!("domain `{}` has no number of cells", name.text), name.span);
         return Err(Box::new(fault.label("declared here").help("add `cells 20` after the range")));
     };
-    let DomainClauses { scheme, geometry, stretch, faces, volumes, areas, .. } = clauses;
-    Ok(StatementKind::Domain(Domain { name, range, cells, scheme, geometry, stretch, faces, volumes, areas, text: children.text() }))
+    let DomainClauses { scheme, geometry, periodic, stretch, faces, volumes, areas, .. } = clauses;
+    let text = children.text();
+    Ok(StatementKind::Domain(Domain { name, range, cells, scheme, geometry, periodic, stretch, faces, volumes, areas, text }))
 }
 
 #[derive(Default)]
@@ -193,6 +195,7 @@ struct DomainClauses {
     cells: Option<Expr>,
     scheme: Option<Ident>,
     geometry: Option<Ident>,
+    periodic: Option<Span>,
     stretch: Option<Expr>,
     faces: Option<Expr>,
     volumes: Option<Expr>,
@@ -206,6 +209,9 @@ impl DomainClauses {
         if let Some(word) = children.take(Rule::domain_choice) {
             let slot = if word.as_str() == "scheme" { &mut self.scheme } else { &mut self.geometry };
             return declaration::fill(context, slot, children.name(context)?, word.as_str(), &place);
+        }
+        if let Some(word) = children.take(Rule::domain_periodic) {
+            return declaration::fill(context, &mut self.periodic, context.span(&word), word.as_str(), &place);
         }
         let word = children.expect(context, Rule::domain_word)?;
         let slot = match word.as_str() {

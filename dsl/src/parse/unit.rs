@@ -7,8 +7,8 @@ use crate::diagnostic::{Diagnostic, codes};
 use crate::syntax::{Ident, UnitBase, UnitExpr, UnitFactor};
 use crate::units::Rational;
 
-/// Largest numerator and denominator of an exponent.
-const LARGEST: i128 = 1_000_000;
+/// Largest numerator of an exponent.
+const LARGEST: i128 = 1_000_000_000;
 
 /// `: unit` after a declared name, where it was written.
 pub(super) fn declared(context: &Context<'_>, children: &mut Children<'_>) -> Fallible<Option<UnitExpr>> {
@@ -85,19 +85,19 @@ fn unit_power(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Rational>
     quotient.ok_or_else(|| overflow(context, &pair))
 }
 
-/// An exponent as written, exactly: at most three decimals and four digits before them.
+/// An exponent as written, exactly: at most six decimals, and five digits before them.
 fn decimal(text: &str) -> Option<Rational> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
-    if fraction.len() > 3 || whole.len() > 5 {
+    if fraction.len() > 6 || whole.len() > 5 {
         return None;
     }
-    let digits: i32 = format!("{whole}{fraction}").parse().ok()?;
+    let digits: i64 = format!("{whole}{fraction}").parse().ok()?;
     Rational::new(digits.into(), 10_i128.pow(u32::try_from(fraction.len()).ok()?))
 }
 
 /// An exponent that may be in a unit.
 fn small(exponent: Option<Rational>) -> Option<Rational> {
-    exponent.filter(|e| e.numerator().abs() <= LARGEST && e.denominator() <= LARGEST)
+    exponent.filter(|e| e.numerator().abs() <= LARGEST && e.denominator() <= Rational::FINEST)
 }
 
 fn overflow(context: &Context<'_>, pair: &Pair<'_, Rule>) -> Box<Diagnostic> {

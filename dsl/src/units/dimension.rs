@@ -159,9 +159,10 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// Exponents beyond a thousand, or with denominators beyond a thousand, have no meaning.
+/// Exponents beyond a thousand, or with more than six decimals, are refused.
 fn small(exponent: Rational) -> Option<Rational> {
-    (exponent.numerator().abs() <= 1000 && exponent.denominator() <= 1000).then_some(exponent)
+    let denominator = exponent.denominator();
+    (exponent.numerator().abs() <= 1000 * denominator && denominator <= Rational::FINEST).then_some(exponent)
 }
 
 fn raised(symbol: &str, exponent: Rational) -> String {

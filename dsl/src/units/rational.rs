@@ -15,6 +15,26 @@ impl Rational {
     /// 1
     pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
 
+    /// Largest denominator of an exponent of a unit: six decimals.
+    pub(crate) const FINEST: i128 = 1_000_000;
+
+    /// An exponent of a quantity: a fraction with a small denominator, or a number with at most six
+    /// decimals.
+    #[must_use]
+    pub fn exponent(value: f64) -> Option<Self> {
+        let nearest = |d: i32| {
+            let n = value * f64::from(d);
+            ((n - n.round()).abs() < 1e-12 && n.abs() < 1e4).then(|| Self::new(n.round() as i128, i128::from(d)))?
+        };
+        // Rounding of arithmetic: `1 + 0.32` is 33/25.
+        let decimals = || {
+            let n = value * Self::FINEST as f64;
+            let is_near = (n - n.round()).abs() < 1e-9 * n.abs().max(1.0) && n.abs() < 1e10;
+            is_near.then(|| Self::new(n.round() as i128, Self::FINEST)).flatten()
+        };
+        (1..=12).find_map(nearest).or_else(decimals)
+    }
+
     /// `numerator / denominator`; `None` for a denominator of zero or beyond the range.
     #[must_use]
     pub fn new(numerator: i128, denominator: i128) -> Option<Self> {
@@ -116,7 +136,7 @@ impl fmt::Display for Rational {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.denominator {
             1 => write!(formatter, "{}", self.numerator),
-            2 | 4 | 5 | 10 => write!(formatter, "{}", self.to_f64()),
+            2 | 4 | 5 | 10 | 13.. if Self::FINEST % self.denominator == 0 => write!(formatter, "{}", self.to_f64()),
             _ => write!(formatter, "({}/{})", self.numerator, self.denominator),
         }
     }

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from smpl.model import Model
 
 OPTIONS = ("state", "discrete", "parameters", "disturbances", "hold_disturbances", "start", "disturbance_seed")
-_STARTS = ("sampled", "nominal", "steady")
+_STARTS = ("sampled", "nominal", "steady", "cyclic")
 
 
 def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _native.Start | None:
@@ -28,8 +28,8 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
             `parameters` are mappings; an array of parameters has one value, one for each element,
             or is set element by element. `disturbances` maps names to one value per step or one
             number; with `hold_disturbances` the last value holds after the end of a record, where a
-            step otherwise fails. `start` is `sampled`, `nominal` or `steady`. `disturbance_seed`
-            seeds what is drawn after the start (disturbances, errors of measurements); None for the
+            step otherwise fails. `start` is `sampled`, `nominal`, `steady` or `cyclic`.
+            `disturbance_seed` seeds what is drawn after the start (disturbances, errors of measurements); None for the
             seed of the reset.
 
     Raises:

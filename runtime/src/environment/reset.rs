@@ -26,6 +26,20 @@ pub enum Start {
     Nominal,
     /// The steady state of parameters at their means.
     Steady,
+    /// The state to which a period under the nominal policy returns, parameters at their means.
+    Cyclic,
+}
+
+impl Start {
+    /// Names of all starts.
+    pub const NAMES: [&str; 4] = ["sampled", "nominal", "steady", "cyclic"];
+
+    /// The start of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        let all = [Self::Sampled, Self::Nominal, Self::Steady, Self::Cyclic];
+        Self::NAMES.iter().position(|known| *known == name).map(|at| all[at])
+    }
 }
 
 /// A state given from outside, physical units.
@@ -117,6 +131,12 @@ pub enum ResetError {
     /// The steady state of the episode's parameters was not found.
     #[error("steady state: {0}")]
     Steady(#[from] SteadyError),
+    /// No cyclic steady state was found.
+    #[error("cyclic start: {message}")]
+    Cyclic {
+        /// Reason.
+        message: String,
+    },
     /// A delayed value that cannot be.
     #[error(transparent)]
     Past(#[from] PastError),
@@ -164,6 +184,11 @@ impl Environment {
             self.refuse_outside()?;
         }
         self.first_observation()?;
+        if options.start == Start::Cyclic {
+            self.progress.phase = Phase::Running;
+            self.begin_cycle()?;
+            self.statistics = Statistics::default();
+        }
         self.progress.key = options.disturbance_seed.map_or(key, EpisodeKey::seeded);
         self.progress.phase = Phase::Running;
         Ok(())
@@ -444,7 +469,7 @@ impl Environment {
     }
 
     /// Algebraic unknowns and derivatives that belong to the initial states at the nominal action.
-    fn make_consistent(&mut self) -> Result<(), ResetError> {
+    pub(super) fn make_consistent(&mut self) -> Result<(), ResetError> {
         let t = self.time();
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
@@ -543,7 +568,7 @@ impl Environment {
         self.make_consistent()
     }
 
-    fn first_observation(&mut self) -> Result<(), ResetError> {
+    pub(super) fn first_observation(&mut self) -> Result<(), ResetError> {
         let progress = &mut self.progress;
         progress.verdict.rewards.fill(0.0);
         progress.verdict.violations.fill(0.0);

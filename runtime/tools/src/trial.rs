@@ -256,11 +256,7 @@ fn difference(unit: &str) -> String {
 
 /// The start of a test.
 fn reset_options(environment: &Environment, test: &Test) -> ResetOptions {
-    let start = match test.start.as_str() {
-        "nominal" => Start::Nominal,
-        "steady" => Start::Steady,
-        _ => Start::Sampled,
-    };
+    let start = Start::from_name(&test.start).unwrap_or_default();
     let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
     let mut states = BTreeMap::new();
     for step in &test.steps {

@@ -2,7 +2,7 @@
 
 mod shell;
 
-use shell::{beside, file, name, smpl, status, text};
+use shell::{beside, columns, file, name, smpl, status, text};
 
 /// A first-order lag behind a measured temperature, with steps that do not meet the points of the data.
 const LAG: &str = "time t : min\ndisturbance T_amb : degC from \"weather.csv\" linear in -50..60\nstate T : degC = 12 in -50..100\n\
@@ -15,19 +15,6 @@ fn model(test: &str, source: &str, data: &str) -> std::path::PathBuf {
     let path = file(test, "m.eq", source);
     std::fs::write(beside(&path, "weather.csv"), data).expect("data");
     path
-}
-
-/// Columns of a run.
-fn run(path: &std::path::Path, columns: &[&str], more: &[&str]) -> Vec<Vec<f64>> {
-    let out = beside(path, "out.csv");
-    let output = smpl(&[&["simulate", name(path), "--out", name(&out)], more].concat());
-    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
-    let table = std::fs::read_to_string(&out).expect("a table");
-    let header: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
-    let at = |column: &&str| header.iter().position(|c| c == column).unwrap_or_else(|| panic!("no {column} in {header:?}"));
-    let at: Vec<usize> = columns.iter().map(at).collect();
-    let cell = |row: &str, at: usize| row.split(',').nth(at).expect("a cell").parse().expect("a number");
-    at.into_iter().map(|at| table.lines().skip(1).map(|row| cell(row, at)).collect()).collect()
 }
 
 fn near(found: &[f64], expected: impl Fn(f64) -> f64, step: f64, tolerance: f64) {
@@ -47,7 +34,7 @@ fn lag(t: f64) -> f64 {
 fn a_measured_temperature_moves_within_a_step_whatever_the_method() {
     let path = model("ramp", LAG, WEATHER);
     for method in ["ida", "rosenbrock", "explicit", "auto"] {
-        let found = run(&path, &["T", "T_amb", "obs.T_amb"], &["--method", method]);
+        let found = columns(&path, &["T", "T_amb", "obs.T_amb"], &["--method", method]);
         near(&found[0], lag, 0.7, 1e-5);
         near(&found[1], |t| 10.0 + 5.0 * t.min(4.0), 0.7, 1e-11);
         assert_eq!(found[1], found[2]);
@@ -60,7 +47,7 @@ fn a_measured_input_of_steps_jumps_at_its_points() {
                   episode { step = 1 [h], max_steps = 5 }\n";
     let path = model("steps", source, "t,q [L/min]\n0,1\n1.25,0\n2.5,2\n");
     for method in ["ida", "rosenbrock", "explicit", "auto"] {
-        let found = run(&path, &["V"], &["--method", method]);
+        let found = columns(&path, &["V"], &["--method", method]);
         near(&found[0], |t| 60.0 * t.min(1.25) + 120.0 * (t - 2.5).max(0.0), 1.0, 1e-6);
     }
 }
@@ -70,7 +57,7 @@ fn a_cyclic_cubic_course_is_the_interpolant_of_scipy_through_repeated_points() {
     let source = "time t : s\ndisturbance u from \"weather.csv\" cubic outside cyclic\nstate z = 0\neq d/dt z = 0\n\
                   episode { step = 0.5 [s], max_steps = 32 }\n";
     let path = model("cyclic", source, "t [s],u\n0,2\n1,5\n3,1\n4,0\n6,2\n");
-    let found = run(&path, &["u"], &[]);
+    let found = columns(&path, &["u"], &[]);
     near(&found[0], |t| SCIPY_PERIODIC[(2.0 * t) as usize % 12], 0.5, 1e-12);
 }
 
@@ -83,7 +70,7 @@ fn a_cyclic_course_with_different_ends_jumps_back_at_each_period() {
     let since = |t: f64| (t - 1.0).rem_euclid(2.5);
     let saw = |t: f64| 6.25 * ((t - 1.0) / 2.5).floor() + since(t).powi(2) + 6.25 - since(0.0).powi(2);
     for method in ["ida", "rosenbrock", "explicit", "auto"] {
-        let found = run(&path, &["u", "z"], &["--method", method]);
+        let found = columns(&path, &["u", "z"], &["--method", method]);
         near(&found[0], |t| 2.0 * since(t), 1.0, 1e-9);
         near(&found[1], saw, 1.0, 1e-5);
     }
@@ -109,7 +96,7 @@ fn a_scenario_names_other_data_or_a_constant() {
     scenario("night", "disturbances: {T_amb: {from: cold.csv, reading: step, outside: cyclic}}\n");
     scenario("flat", "disturbances: {T_amb: -3.5}\n");
     scenario("still", "disturbances: false\n");
-    let found = |kind: &str| run(&path, &["T_amb"], &["--scenario", kind]).remove(0);
+    let found = |kind: &str| columns(&path, &["T_amb"], &["--scenario", kind]).remove(0);
     near(&found("cold"), |t| (-10.0 + 2.5 * t).min(-5.0), 0.7, 1e-12);
     near(&found("night"), |_| -10.0, 0.7, 1e-12);
     near(&found("flat"), |_| -3.5, 0.7, 1e-12);
@@ -136,7 +123,7 @@ fn rules_updates_and_starts_read_measured_inputs() {
                   eq d/dt x = 0\nat start { next d = u }\nlet before : 1 = previous(u)\nlet first : 1 = initial(u)\n\
                   reward r default = previous(u)\nepisode { step = 1 [min], max_steps = 3 }\n";
     let path = model("reads", source, "t,u\n0,3\n3,9\n");
-    let found = run(&path, &["x", "w", "d", "first"], &[]);
+    let found = columns(&path, &["x", "w", "d", "first"], &[]);
     assert_eq!(found[0], [3.0; 4]);
     assert_eq!(found[1], [1.0, 6.0, 10.0, 14.0]);
     assert_eq!(found[2], [0.0, 3.0, 5.0, 7.0]);
@@ -149,9 +136,9 @@ fn data_of_a_disturbance_are_part_of_the_model_and_of_its_json() {
     let (compiled, json) = (beside(&path, "m.smplc"), beside(&path, "other.json"));
     assert_eq!(status(&smpl(&["compile", name(&path), "-o", name(&compiled)])), 0);
     assert_eq!(status(&smpl(&["export", name(&path), "--to", "json", "-o", name(&json)])), 0);
-    near(&run(&compiled, &["T"], &[])[0], lag, 0.7, 1e-5);
+    near(&columns(&compiled, &["T"], &[])[0], lag, 0.7, 1e-5);
     std::fs::write(beside(&path, "weather.csv"), WEATHER.replace("240,2", "250,2")).expect("data");
-    near(&run(&json, &["T"], &[])[0], lag, 0.7, 1e-5);
+    near(&columns(&json, &["T"], &[])[0], lag, 0.7, 1e-5);
     let output = smpl(&["simulate", name(&compiled)]);
     assert!(status(&output) == 1 && text(&output.stderr).contains("changed"), "{}", text(&output.stderr));
 }

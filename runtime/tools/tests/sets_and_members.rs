@@ -2,19 +2,12 @@
 
 mod shell;
 
-use shell::{beside, file, name, smpl, status, text};
+use shell::{columns, file, name, smpl, status, text};
 
 /// The last row of a run, by column.
-fn last(test: &str, source: &str, columns: &[&str]) -> Vec<f64> {
-    let path = file(test, "m.eq", source);
-    let out = beside(&path, "out.csv");
-    let output = smpl(&["simulate", name(&path), "--start", "nominal", "--out", name(&out)]);
-    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
-    let table = std::fs::read_to_string(&out).expect("a table");
-    let cells = |row: &str| row.split(',').map(str::to_owned).collect::<Vec<_>>();
-    let (header, row) = (cells(table.lines().next().expect("a header")), cells(table.lines().last().expect("a row")));
-    let at = |column: &&str| header.iter().position(|c| c == column).unwrap_or_else(|| panic!("no {column} in {header:?}"));
-    columns.iter().map(|column| row[at(column)].parse().expect("a number")).collect()
+fn last(test: &str, source: &str, wanted: &[&str]) -> Vec<f64> {
+    let rows = columns(&file(test, "m.eq", source), wanted, &["--start", "nominal"]);
+    rows.iter().map(|column| *column.last().expect("a row")).collect()
 }
 
 const HEAD: &str = "time t : s\nset species = { A, B, C, D }\nset solids = { C, D }\n";

@@ -8,7 +8,7 @@ use crate::elaborate::declare::declaring::{Declaring, MAX_ELEMENTS};
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{structural, units};
 use crate::elaborate::select::items::Item;
-use crate::elaborate::symbols::{Axis, Domain, Geometry, Scheme, ScopeId, SymbolKind};
+use crate::elaborate::symbols::{Axis, Domain, DomainId, Geometry, Scheme, ScopeId, SymbolKind};
 use crate::ir::Role;
 
 /// When a set is declared.
@@ -50,13 +50,26 @@ impl<'a> Declaring<'_, 'a> {
     pub(in crate::elaborate::declare) fn declare_flux(&mut self, scope: ScopeId, flux: &'a Flux) {
         let place = Place::new(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&flux.indices, &place) else { return self.faulty(scope, &flux.name) };
-        if matches!(axes.last(), Some(Axis::Domain(_))) {
+        if let Some(&Axis::Domain(domain)) = axes.last() {
+            self.check_ends(flux, domain);
             self.declare(scope, &flux.name, SymbolKind::Flux { flux, axes: axes.into(), binders: binders.into() });
             return;
         }
         let message = format!("the last index of the flux `{}` must be the domain along which it flows", flux.name.text);
         self.work.ledger.report(Diagnostic::error(codes::WRONG_SHAPE, message, flux.name.span));
         self.faulty(scope, &flux.name);
+    }
+
+    /// Reports fluxes given at the ends of a periodic domain, which has none.
+    fn check_ends(&mut self, flux: &Flux, domain: DomainId) {
+        let domain = &self.symbols.domains[domain];
+        let Some(word) = domain.declaration.periodic else { return };
+        for (side, e) in [("low", &flux.low), ("high", &flux.high)] {
+            let Some(e) = e else { continue };
+            let message = format!("`{}` is periodic and has no end where `{}` could be given", domain.name, flux.name.text);
+            let fault = Diagnostic::error(codes::WRONG_KIND, message, e.span).secondary(word, "declared here");
+            self.work.ledger.report(fault.help(format!("remove `{side} = ...`, or `periodic` from the domain")));
+        }
     }
 
     fn declare_set(&mut self, scope: ScopeId, statement: &'a Statement) {

@@ -36,8 +36,8 @@ pub(in crate::elaborate) struct Entry {
 pub(in crate::elaborate) enum Takes {
     /// A positive time.
     Duration(fn(&mut Said) -> &mut f64),
-    /// The interval of integration.
-    Interval,
+    /// The interval of integration, or another positive time; the function stores it.
+    Interval(fn(&mut Said) -> &mut Option<f64>),
     /// A positive number.
     Positive(fn(&mut Said) -> &mut f64),
     /// A relative tolerance; the function stores it.
@@ -87,7 +87,8 @@ const fn solver(name: &'static str, setting: Option<&'static str>, takes: Takes)
 /// that of the episode.
 pub(in crate::elaborate) static ENTRIES: &[Entry] = &[
     episode("step", Some("step"), Takes::Duration(|s| &mut s.episode.step)),
-    episode("integrate", Some("integrate"), Takes::Interval),
+    episode("integrate", Some("integrate"), Takes::Interval(|s| &mut s.integrate)),
+    episode("cycle", Some("cycle"), Takes::Interval(|s| &mut s.episode.cycle)),
     episode("max_steps", Some("max_steps"), Takes::Count(|s| &mut s.episode.max_steps)),
     episode("error_reward", Some("error_reward"), Takes::Number(|s| &mut s.episode.error_reward)),
     episode("end_is_success", None, Takes::Truth(|s| &mut s.episode.end_is_success)),

@@ -1,6 +1,7 @@
 //! Settings of the episode and the solver, in the text and from outside: what [`ENTRIES`] lists.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Expr, ExprKind, Ident, StatementKind};
 use smpl_dsl::units::Unit;
 
@@ -53,7 +54,19 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
     }
     said.episode.integrate = said.integrate.unwrap_or(said.episode.step);
     l.names.step = said.episode.step;
+    let span = given.iter().find(|(block, name, ..)| *block == Block::Episode && name == "cycle").map(|(.., span)| *span);
+    check_cycle(l, &said.episode, span);
     (said.episode, said.solver)
+}
+
+/// Refuses a period that is not a multiple of the step.
+fn check_cycle(l: &mut Lowering<'_, '_>, episode: &Episode, span: Option<Span>) {
+    let Some(period) = episode.cycle.filter(|period| whole(period / episode.step).is_none_or(|steps| steps < 1)) else { return };
+    let message = format!("`cycle` must be a multiple of the step of {}, it is {period}", episode.step);
+    match span {
+        Some(span) => l.ledger.report(Diagnostic::error(codes::BAD_SETTING, message, span)),
+        None => l.ledger.reports.scenario_fault("cycle", message, None),
+    }
 }
 
 /// An entry of a block of the text.
@@ -64,7 +77,7 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
     let time = l.symbols.time_unit.clone();
     match &entry.takes {
         Takes::Duration(to) => put(to(said), positive(l, name, e, &time, place)),
-        Takes::Interval => said.integrate = positive(l, name, e, &time, place),
+        Takes::Interval(to) => *to(said) = positive(l, name, e, &time, place),
         Takes::Positive(to) => put(to(said), positive(l, name, e, &Unit::one(), place)),
         Takes::Tolerance(to) => {
             if let Some(rtol) = within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT) {
@@ -112,7 +125,7 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
     };
     let positive = number.is_finite() && number > 0.0;
     let (holds, expected) = match &entry.takes {
-        Takes::Duration(_) | Takes::Interval | Takes::Positive(_) => (positive, "a positive number"),
+        Takes::Duration(_) | Takes::Interval(_) | Takes::Positive(_) => (positive, "a positive number"),
         Takes::Number(_) => (number.is_finite(), "a number"),
         Takes::Tolerance(_) => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
         Takes::Order(_) => (is_order(number), ORDER_TEXT),
@@ -130,7 +143,7 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         return;
     }
     match &entry.takes {
-        Takes::Interval => said.integrate = Some(number),
+        Takes::Interval(to) => *to(said) = Some(number),
         Takes::Number(to) => {
             *to(said) = number;
             l.names.error_reward = None;

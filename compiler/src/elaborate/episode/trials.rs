@@ -15,7 +15,7 @@ use crate::ir::{Affine, BinaryFn, ExprId, Flavour, Nest, Place as Memory, Progra
 use crate::model::{Expectation, Finish, Quantity, Test, TestStep};
 
 /// Starts that a test may name.
-const STARTS: [&str; 3] = ["sampled", "nominal", "steady"];
+const STARTS: [&str; 4] = ["sampled", "nominal", "steady", "cyclic"];
 
 /// Most control steps of one test.
 const MAX_STEPS: i64 = 10_000_000;

@@ -105,6 +105,10 @@ pub(in crate::elaborate) enum Distribution {
 pub(in crate::elaborate) enum Over {
     /// A sum, product, minimum or maximum.
     Reduce(ReduceFn),
+    /// The index of the maximum or minimum.
+    Index(ReduceFn),
+    /// A value between the places of an array.
+    Between,
     /// The mean, weighted over cells.
     Mean,
     /// The integral over space.
@@ -140,6 +144,7 @@ const BOX: &str = "whether a variable, or an element of an array, is outside of 
 const RANDOM: &str = "random numbers, in `~` only; `noise` takes `normal(0, sd)`";
 const CELL: &str = "length and measure of the cell `z`, an index bound by `for`";
 const QUANTIFIED: &str = "whether a condition holds for any, for all";
+const INDEX: &str = "the index of the greatest, of the least, the first one of equal values: the number of a member, its position in a set of names, the centre of a cell";
 const EXTREMUM: &str = "the least, the greatest of two or more, or over a set: `min(x[i] for i in set)`";
 
 /// All of them.
@@ -170,6 +175,14 @@ pub const BUILTINS: &[Builtin] = &[
     call("clip", "clip(x, low, high)", 3, Call::Clip, "the number, or the bound that it passes"),
     also(any_call("min", "min(a, b)", Call::Extremum(BinaryFn::Min), EXTREMUM), Over::Reduce(ReduceFn::Min)),
     also(any_call("max", "max(a, b)", Call::Extremum(BinaryFn::Max), EXTREMUM), Over::Reduce(ReduceFn::Max)),
+    over("argmax", "argmax(x[i] for i in set)", Over::Index(ReduceFn::Max), INDEX),
+    over("argmin", "argmin(x[i] for i in set)", Over::Index(ReduceFn::Min), INDEX),
+    over(
+        "interp",
+        "interp(T[z], z = x)",
+        Over::Between,
+        "value of an array at a place: straight lines between the centres of the cells of a domain, or between the numbers of a set, the nearest value beyond them",
+    ),
     over("sum", "sum(x[i] for i in set)", Over::Reduce(ReduceFn::Sum), "sum, product over a set"),
     over("product", "product(x[i] for i in set)", Over::Reduce(ReduceFn::Product), "sum, product over a set"),
     over("mean", "mean(x[i] for i in set)", Over::Mean, "mean; over cells weighted with their measure"),

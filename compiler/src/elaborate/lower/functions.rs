@@ -93,15 +93,15 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
                 .help(format!("multiply with `*`: `{name} * (...)`")),
         );
     }
-    let over_sets = builtins::find(name).is_some_and(|b| b.call.is_none());
+    let over_sets = builtins::find(name).filter(|b| b.call.is_none());
     let help = match name.as_str() {
         "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
         "pow" => Some("write `x^y`".to_owned()),
-        _ if over_sets => Some(format!("say over what: `{name}(x[i] for i in set)`")),
+        _ if over_sets.is_some() => over_sets.map(|b| format!("say over what: `{}`", b.usage)),
         _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
         _ => None,
     };
-    let message = if over_sets { format!("`{name}` needs a set to run over") } else { format!("unknown function `{name}`") };
+    let message = if over_sets.is_some() { format!("`{name}` needs a set to run over") } else { format!("unknown function `{name}`") };
     let d = Diagnostic::error(codes::UNKNOWN_NAME, message, function.span).maybe_help(help);
     l.fault(d)
 }

@@ -11,7 +11,7 @@ use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::structural::integer;
 use crate::elaborate::naming::Naming;
 use crate::elaborate::select::items::reference;
-use crate::elaborate::space::grid;
+use crate::elaborate::space::{field, grid};
 use crate::elaborate::symbols::{Axis, DomainId, SetId, SymbolId, SymbolKind, Symbols};
 use crate::ir::Affine;
 
@@ -288,7 +288,7 @@ fn neighbour(
     };
     let Some(Bound::Cell(_, c)) = cell(l, domain, from, place) else { return Some(None) };
     let by = integer(l, by, place).map(|by| if op == BinaryOp::Add { by } else { -by });
-    Some(by.map(|by| Bound::Cell(domain, c.shifted(by))))
+    Some(by.map(|by| Bound::Cell(domain, field::neighbours(l, domain, c.shifted(by)))))
 }
 
 /// Returns `true` if the cells of two domains are at the same places: equally many between the same

@@ -125,7 +125,7 @@ fn power(l: &mut Lowering<'_, '_>, (a, sa): (Value, Span), (b, sb): (Value, Span
                     return l.fault(
                         Diagnostic::error(codes::NOT_DIMENSIONLESS, "only a simple constant power of a quantity has a unit", sa)
                             .label(units::describe(&u))
-                            .secondary(sb, "this exponent is not a simple fraction")
+                            .secondary(sb, "this exponent is neither a simple fraction nor a number of at most six decimals")
                             .help("divide the base by a reference of its unit, or take the unit off: `value(x)^p`"),
                     );
                 }

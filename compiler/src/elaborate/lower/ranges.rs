@@ -12,7 +12,7 @@ use crate::elaborate::lower::loops::Cell;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::Value;
 use crate::elaborate::lower::values::Values;
-use crate::elaborate::lower::{Lowering, structural};
+use crate::elaborate::lower::{Lowering, indices, structural};
 use crate::elaborate::naming::Naming;
 use crate::elaborate::symbols::{Axis, SetId, SymbolKind, Symbols};
 use crate::ir::{Affine, ExprId};
@@ -122,7 +122,20 @@ impl Lowering<'_, '_> {
                 let by = structural::integer_quietly(self, b, place)?;
                 number(self, a).map(|n| Cell::single(if *op == BinaryOp::Add { n + by } else { n - by }))
             }
+            ExprKind::Member(base, member) if member.text == "number" => indices::cell_number(base, place).map(|cell| cell.shifted(1)),
             _ => number(self, e).map(Cell::single),
+        }
+    }
+
+    /// `z == z.last`: the number of a cell, where it is compared with an end of its domain.
+    fn compared_cell(&self, e: &Expr, with: &Expr, place: &Place) -> Option<Cell> {
+        let ExprKind::Member(base, end) = &with.kind else { return None };
+        let ExprKind::Name(name) = &e.kind else { return None };
+        match place.bound(&name.text)? {
+            Bound::Cell(domain, cell) if matches!(end.text.as_str(), "first" | "last") => {
+                (self.symbols.domain_of(base, place) == Some(*domain)).then(|| cell.shifted(1))
+            }
+            _ => None,
         }
     }
 
@@ -130,7 +143,8 @@ impl Lowering<'_, '_> {
     /// size of some range depends on too, so that it cannot change. A loop is cut where that holds
     /// in some passes only; what is made of this pass is thrown away then.
     pub(in crate::elaborate) fn run_comparison(&mut self, op: BinaryOp, a: &Expr, b: &Expr, place: &Place) -> Option<bool> {
-        let (numbers, op, n) = match (self.counted_index(a, place), self.counted_index(b, place)) {
+        let index = |l: &mut Self, e, with| l.compared_cell(e, with, place).or_else(|| l.counted_index(e, place));
+        let (numbers, op, n) = match (index(self, a, b), index(self, b, a)) {
             (Some(x), Some(y)) if (x.along, x.step) == (y.along, y.step) => return Some(holds(op, x.first, y.first)),
             (Some(x), Some(y)) if y.along.is_none() => (x, op, y.first),
             (Some(x), Some(y)) if x.along.is_none() => (y, mirrored(op), x.first),

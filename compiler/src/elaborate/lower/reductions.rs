@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{BinaryOp, Binder, Expr, Ident};
+use smpl_dsl::syntax::{BinaryOp, Binder, BinderSet, Expr, Ident};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::lower::builtins::{self, Over};
@@ -18,13 +18,15 @@ use crate::ir::{BinaryFn, Compare, Expr as Node, ExprId, LoopVar, ReduceFn};
 
 /// Body of the reduction over the remaining binders.
 #[derive(Clone, Copy)]
-struct Reduced<'e> {
-    body: &'e Expr,
-    binders: &'e [Binder],
-    condition: Option<&'e Expr>,
-    kind: Terms,
+pub(in crate::elaborate::lower) struct Reduced<'e> {
+    pub body: &'e Expr,
+    pub binders: &'e [Binder],
+    pub condition: Option<&'e Expr>,
+    pub kind: Terms,
+    /// Terms need their indices as numbers.
+    pub indexed: bool,
     /// Reading of the body.
-    read: Own,
+    pub read: Own,
 }
 
 impl<'e> Reduced<'e> {
@@ -57,13 +59,28 @@ impl Lowering<'_, '_> {
     ) -> Value {
         let mut terms = Vec::new();
         let over = builtins::find(&function.text).and_then(|b| b.over);
+        match (over, binders, condition) {
+            (Some(Over::Between), [binder], Some(at)) if matches!(binder.over, BinderSet::Itself) => {
+                return self.interpolation(body, binder, at, place);
+            }
+            (Some(Over::Between), ..) => {
+                let fault = Diagnostic::error(codes::WRONG_ARGUMENTS, "`interp` takes an array and a position", span);
+                return self.fault(fault.help("write `interp(T[z], z = x)`"));
+            }
+            (Some(Over::Index(_)), [_, second, ..], _) => {
+                let message = format!("`{}` takes one index", function.text);
+                return self.fault(Diagnostic::error(codes::WRONG_ARGUMENTS, message, second.span));
+            }
+            _ => {}
+        }
         let kind = match over {
             Some(Over::Integral | Over::Mean) => Terms::Weighted,
             Some(Over::Reduce(ReduceFn::Sum) | Over::Any | Over::All) => Terms::Plain,
             _ => Terms::Single,
         };
         let read: Own = |l, e, place| l.value(e, place);
-        self.terms(Reduced { body, binders, condition, kind, read }, place, &mut terms);
+        let indexed = matches!(over, Some(Over::Index(_)));
+        self.terms(Reduced { body, binders, condition, kind, indexed, read }, place, &mut terms);
         if terms.iter().any(|t| t.value.is_poison()) {
             return self.poison();
         }
@@ -74,7 +91,8 @@ impl Lowering<'_, '_> {
             Some(Over::Integral) => self.space_integral(terms, span),
             Some(Over::Any) => self.values().quantified(terms, true, span),
             Some(Over::All) => self.values().quantified(terms, false, span),
-            None => functions::unknown_function(self, function, place),
+            Some(Over::Index(op)) => self.index_of_extreme(terms, op, span),
+            Some(Over::Between) | None => functions::unknown_function(self, function, place),
         }
     }
 
@@ -90,7 +108,7 @@ impl Lowering<'_, '_> {
         number: &mut dyn FnMut(&mut Self, &Value, Option<ExprId>) -> ExprId,
     ) -> Option<Value> {
         let mut terms = Vec::new();
-        self.terms(Reduced { body, binders, condition, kind: Terms::Plain, read }, place, &mut terms);
+        self.terms(Reduced { body, binders, condition, kind: Terms::Plain, indexed: false, read }, place, &mut terms);
         if terms.iter().all(|t| matches!(t.value.unit, Measure::Truth | Measure::Poison)) {
             return None;
         }
@@ -102,12 +120,12 @@ impl Lowering<'_, '_> {
     }
 
     /// All terms of a reduction: one for each member, one a piece of a range of cells.
-    fn terms(&mut self, reduced: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
+    pub(in crate::elaborate::lower) fn terms(&mut self, reduced: Reduced<'_>, place: &Place, out: &mut Vec<Term>) {
         let Some((binder, reduced)) = reduced.inside() else { return self.innermost_term(reduced, place, out) };
         if self.looped_run(binder, reduced, place, out) {
             return;
         }
-        for bound in binders::bindings_of(self, binder, place) {
+        for (position, bound) in binders::bindings_of(self, binder, place).into_iter().enumerate() {
             if self.ledger.budget.is_full() {
                 return;
             }
@@ -115,7 +133,11 @@ impl Lowering<'_, '_> {
                 BinderValue::One(bound) => {
                     let written = if let Bound::Alias(e, ..) = &bound { Some(e.span) } else { None };
                     let first = out.len();
+                    let index = reduced.indexed.then(|| self.number_of(&bound, position));
                     self.terms(reduced, &place.bind(&binder.name.text, bound), out);
+                    if let Some(index) = index {
+                        out[first..].iter_mut().for_each(|t| t.index = index.clone());
+                    }
                     if let Some(span) = written {
                         out[first..].iter_mut().for_each(|t| t.span = span);
                     }
@@ -143,7 +165,18 @@ impl Lowering<'_, '_> {
         }
         let keep = keep.filter(|&c| !matches!(self.exprs.node(c), Node::Truth(true)));
         let value = read(self, body, place);
-        out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None });
+        let index = value.clone();
+        out.push(Term { value, span: body.span, keep, loops: Vec::new(), weight: None, index });
+    }
+
+    /// The number that an index is: that of a member of a set of numbers, otherwise its position.
+    fn number_of(&mut self, bound: &Bound, position: usize) -> Value {
+        let number = match bound {
+            Bound::Member(set, i) => self.symbols.sets[*set].first.map(|first| first as f64 + *i as f64),
+            Bound::Number(e) => return Value::bare(*e),
+            _ => None,
+        };
+        Value::bare(self.exprs.constant(number.unwrap_or((position + 1) as f64)))
     }
 
     /// Attempts to keep the members of a set as a loop; whether that went.
@@ -179,6 +212,14 @@ impl Lowering<'_, '_> {
             let inner = inner.bind(&binder.name.text, bound(cell));
             let mut list = Vec::new();
             s.terms(reduced, &inner, &mut list);
+            if reduced.indexed {
+                let index = match (domain, bound(cell)) {
+                    (Some(domain), _) => grid::cell_centre(s, domain, cell),
+                    (None, Bound::Run(_)) => s.values().run_value(cell),
+                    _ => s.values().run_value(cell.shifted(1)),
+                };
+                list.iter_mut().for_each(|t| t.index = index.clone());
+            }
             if let Some(domain) = domain.filter(|_| reduced.kind == Terms::Weighted) {
                 for term in &mut list {
                     let volume = grid::cell_volume(s, domain, cell);
@@ -208,7 +249,7 @@ impl Lowering<'_, '_> {
         self.exprs.has_reduction(term.value.expr, |free| free & own != 0 && around & !free != 0)
     }
 
-    fn fold(&mut self, terms: Vec<Term>, op: ReduceFn, span: Span) -> Value {
+    pub(in crate::elaborate::lower) fn fold(&mut self, terms: Vec<Term>, op: ReduceFn, span: Span) -> Value {
         if terms.is_empty() {
             return match op {
                 ReduceFn::Sum => Value { expr: self.exprs.constant(0.0), unit: Measure::Nothing },
@@ -268,12 +309,8 @@ impl Lowering<'_, '_> {
             return Value { unit: if mean.is_poison() { mean.unit } else { Measure::Of(point) }, ..mean };
         }
         if terms.iter().any(|t| t.weight.is_some()) {
-            let weights: Vec<Term> = terms
-                .iter()
-                .filter_map(|t| {
-                    t.weight.clone().map(|w| Term { value: w, span: t.span, keep: t.keep, loops: t.loops.clone(), weight: None })
-                })
-                .collect();
+            let weights: Vec<Term> =
+                terms.iter().filter_map(|t| t.weight.clone().map(|w| Term { value: w, weight: None, ..t.clone() })).collect();
             let total = self.space_integral(terms, span);
             let measure = self.fold(weights, ReduceFn::Sum, span);
             return operators::arithmetic(self, BinaryOp::Div, (total, span), (measure, span), span);
@@ -296,7 +333,7 @@ impl Lowering<'_, '_> {
                 );
             };
             let value = operators::arithmetic(self, BinaryOp::Mul, (w, span), (term.value, span), span);
-            weighted.push(Term { value, span: term.span, keep: term.keep, loops: term.loops, weight: None });
+            weighted.push(Term { value, weight: None, ..term });
         }
         self.fold(weighted, ReduceFn::Sum, span)
     }
@@ -322,7 +359,7 @@ impl Values<'_> {
             if !term.loops.is_empty() {
                 // Over cells: the greatest (least) of the conditions as numbers.
                 let number = self.exprs.number(holds);
-                let bare = Term { value: term.value.clone(), span: term.span, keep: None, loops: term.loops.clone(), weight: None };
+                let bare = Term { keep: None, weight: None, ..term };
                 let e = self.close(&bare, if any { ReduceFn::Max } else { ReduceFn::Min }, number);
                 holds = self.exprs.compare(Compare::Lt, zero, e);
             }
@@ -361,7 +398,7 @@ impl Values<'_> {
 
 /// Combination of the terms of a reduction.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Terms {
+pub(in crate::elaborate::lower) enum Terms {
     /// A range of numbers may stay a loop.
     Plain,
     /// So it may, and cells are weighted with their measure.
@@ -372,11 +409,13 @@ enum Terms {
 
 /// A term of a reduction.
 #[derive(Clone)]
-struct Term {
-    value: Value,
+pub(in crate::elaborate::lower) struct Term {
+    pub value: Value,
     /// Source: the body, or the element of a tuple.
-    span: Span,
-    keep: Option<ExprId>,
-    loops: Vec<(LoopVar, u32)>,
-    weight: Option<Value>,
+    pub span: Span,
+    pub keep: Option<ExprId>,
+    pub loops: Vec<(LoopVar, u32)>,
+    pub weight: Option<Value>,
+    /// Number of its member, or centre of its cell, if requested.
+    pub index: Value,
 }

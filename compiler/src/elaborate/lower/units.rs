@@ -57,13 +57,9 @@ pub(crate) fn rate(unit: &Unit, time: &Unit) -> Unit {
     over(&difference(unit), time)
 }
 
-/// A power with an exponent that is a simple fraction.
+/// A power with an exponent that is a simple fraction or has at most six decimals.
 pub(crate) fn power(unit: &Unit, exponent: f64) -> Option<Unit> {
-    let simple = (1..=12_i32).chain([100, 1000]).find_map(|d| {
-        let n = exponent * f64::from(d);
-        ((n - n.round()).abs() < 1e-12 && n.abs() < 1e4).then(|| Rational::new(n.round() as i128, i128::from(d)))?
-    })?;
-    unit.power(simple)
+    unit.power(Rational::exponent(exponent)?)
 }
 
 /// Factor and offset from numbers of one unit to numbers of the other; `None` where they measure

@@ -35,6 +35,9 @@ fn check_order(l: &mut Lowering<'_, '_>, domain: DomainId) {
             let span = declaration.range.0.span.to(declaration.range.1.span);
             return refuse(l, span, format!("`{name}` has finite ends, not {low}..{high}"));
         }
+        if let Some(word) = declaration.periodic.filter(|_| l.symbols.domains[domain].geometry != Geometry::Planar) {
+            return refuse(l, word, format!("`{name}` is a radius, which is not periodic"));
+        }
         if low < 0.0 && l.symbols.domains[domain].geometry != Geometry::Planar {
             return refuse(l, declaration.range.0.span, format!("`{name}` is a radius, which does not begin at {low}"));
         }

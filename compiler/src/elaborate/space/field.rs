@@ -27,9 +27,7 @@ pub(in crate::elaborate) fn face_value<'m, 'a>(
     place: &Place,
 ) -> Option<Value> {
     face_index(axes, index, face.domain, place)?;
-    let n = l.symbols.domains[face.domain].cells;
-    let (at_low, at_high) = (l.is_number(face.at, 0), l.is_number(face.at, n));
-    let (Some(at_low), Some(at_high)) = (at_low, at_high) else { return Some(l.poison()) };
+    let Some((at_low, at_high)) = ends_at(l, face) else { return Some(l.poison()) };
     let at = |s: &mut Lowering<'m, 'a>, by: i64| in_cell(s, symbol, index, span, face.at.shifted(by), face.domain, place);
     let is_marked = l.fluxes.faces.is_some() && l.symbols.is_directed(face);
     if l.fluxes.averaging || is_marked {
@@ -74,7 +72,8 @@ pub(in crate::elaborate) fn value_from_side<'m, 'a>(
         return cell(l, near);
     }
     let only = if below { 1 } else { l.symbols.domains[face.domain].cells - 1 };
-    let Some(is_only) = l.is_number(face.at, only) else { return l.poison() };
+    let is_only = if l.symbols.is_periodic(face.domain) { Some(false) } else { l.is_number(face.at, only) };
+    let Some(is_only) = is_only else { return l.poison() };
     let left = cell(l, near);
     if is_only {
         // Only one cell lies on that side: first order here.
@@ -102,6 +101,33 @@ fn beyond(l: &mut Lowering<'_, '_>, face: Face, near: i64, behind: i64) -> ExprI
     l.exprs.div(part, whole)
 }
 
+/// Returns whether a face is the low and the high end of its domain, which a periodic one does not
+/// have; `None` after asking for a cut of the loop.
+pub(in crate::elaborate::space) fn ends_at(l: &mut Lowering<'_, '_>, face: Face) -> Option<(bool, bool)> {
+    if l.symbols.is_periodic(face.domain) {
+        return Some((false, false));
+    }
+    let n = l.symbols.domains[face.domain].cells;
+    let (low, high) = (l.is_number(face.at, 0), l.is_number(face.at, n));
+    Some((low?, high?))
+}
+
+/// The cells that neighbours of the cells of a domain are: beyond an end of a periodic one those at
+/// the other end. Asks for a cut of a loop that passes an end, whose result is dropped.
+pub(in crate::elaborate) fn neighbours(l: &mut Lowering<'_, '_>, domain: DomainId, cell: Cell) -> Cell {
+    if !l.symbols.is_periodic(domain) {
+        return cell;
+    }
+    let n = l.symbols.domains[domain].cells;
+    let (low, high) = cell.ends();
+    let round = low.div_euclid(n);
+    if round == high.div_euclid(n) {
+        return cell.shifted(-round * n);
+    }
+    cell.along.into_iter().for_each(|along| (round..=high.div_euclid(n)).for_each(|k| l.cut(along, cell.turn(k * n))));
+    Cell::single(0)
+}
+
 /// Position of the axis whose index is the face of `domain`.
 fn face_index(axes: &[Axis], index: &[Expr], domain: DomainId, place: &Place) -> Option<usize> {
     axes.iter().zip(index).position(|(axis, e)| {
@@ -122,6 +148,7 @@ pub(in crate::elaborate) fn in_cell(
 ) -> Value {
     let mut inner = place.clone();
     inner.face = None;
+    let cell = neighbours(l, domain, cell);
     for e in index {
         if let ExprKind::Name(n) = &e.kind
             && matches!(place.bound(&n.text), Some(Bound::Face(d, _)) if *d == domain)
@@ -155,10 +182,7 @@ pub(in crate::elaborate) fn gradient(l: &mut Lowering<'_, '_>, span: Span, e: &E
                 .help("declare `flux J[z] = -D*grad(c[z])` and use `div(J[z])`"),
         );
     };
-    let n = l.symbols.domains[face.domain].cells;
-    let (Some(low), Some(high)) = (l.is_number(face.at, 0), l.is_number(face.at, n)) else {
-        return l.poison();
-    };
+    let Some((low, high)) = ends_at(l, face) else { return l.poison() };
     let unit = grid::ends(l, face.domain).0;
     let right = beside(l, face, if high { -1 } else { 0 }, e, place);
     if right.is_poison() {
@@ -188,9 +212,10 @@ pub(in crate::elaborate) fn gradient(l: &mut Lowering<'_, '_>, span: Span, e: &E
 fn beside(l: &mut Lowering<'_, '_>, face: Face, by: i64, e: &Expr, place: &Place) -> Value {
     let mut inner = place.clone();
     inner.face = None;
+    let cell = neighbours(l, face.domain, face.at.shifted(by));
     for (name, bound) in place.all_bound() {
         if matches!(bound, Bound::Face(domain, _) if *domain == face.domain) {
-            inner = inner.bind(name, Bound::Cell(face.domain, face.at.shifted(by)));
+            inner = inner.bind(name, Bound::Cell(face.domain, cell));
         }
     }
     l.value(e, &inner)
@@ -202,10 +227,7 @@ pub(in crate::elaborate) fn upwind<'m, 'a>(l: &mut Lowering<'m, 'a>, span: Span,
     let Some(face) = place.face else {
         return l.fault(Diagnostic::error(codes::MISPLACED_FUNCTION, "`upwind` has a meaning inside a `flux` only", span));
     };
-    let n = l.symbols.domains[face.domain].cells;
-    let (Some(low), Some(high)) = (l.is_number(face.at, 0), l.is_number(face.at, n)) else {
-        return l.poison();
-    };
+    let Some((low, high)) = ends_at(l, face) else { return l.poison() };
     let averaging = std::mem::replace(&mut l.fluxes.averaging, true);
     let v = l.value(velocity, place);
     l.fluxes.averaging = averaging;

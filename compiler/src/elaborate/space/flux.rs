@@ -9,7 +9,7 @@ use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::place::{Bound, Place};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, indices, paths, units};
-use crate::elaborate::space::{grid, transport};
+use crate::elaborate::space::{field, grid, transport};
 use crate::elaborate::symbols::{Axis, DomainId, SymbolId, SymbolKind};
 /// A flux at a face, with its leading indices bound.
 fn flux_at(l: &mut Lowering<'_, '_>, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
@@ -23,10 +23,8 @@ fn flux_at(l: &mut Lowering<'_, '_>, symbol: SymbolId, leading: &[Bound], face: 
 fn own_flux_at(l: &mut Lowering<'_, '_>, symbol: SymbolId, leading: &[Bound], face: Face, place: &Place) -> Value {
     let SymbolKind::Flux { flux, binders, .. } = l.symbols[symbol].kind.clone() else { return l.poison() };
     l.expansions.note_use(symbol);
-    let n = l.symbols.domains[face.domain].cells;
-    let (Some(low), Some(high)) = (l.is_number(face.at, 0), l.is_number(face.at, n)) else {
-        return l.poison();
-    };
+    let Some(face) = grid::one_seam(l, face) else { return l.poison() };
+    let Some((low, high)) = field::ends_at(l, face) else { return l.poison() };
     let mut inner = place.clone();
     inner.scope = l.symbols[symbol].scope;
     inner.bindings = None;

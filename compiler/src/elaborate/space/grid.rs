@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Expr;
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::lower::loops::Cell;
+use crate::elaborate::lower::loops::{Cell, Face};
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
 use crate::elaborate::lower::{Lowering, units};
@@ -111,6 +111,16 @@ pub(in crate::elaborate) fn face_position(l: &mut Lowering<'_, '_>, domain: Doma
     l.exprs.add(low, x)
 }
 
+/// A face of a periodic domain, whose last face is its first one; `None` after asking for a cut.
+pub(in crate::elaborate::space) fn one_seam(l: &mut Lowering<'_, '_>, face: Face) -> Option<Face> {
+    if !l.symbols.is_periodic(face.domain) {
+        return Some(face);
+    }
+    let n = l.symbols.domains[face.domain].cells;
+    Some(if l.is_number(face.at, n)? { Face { at: Cell::single(0), ..face } } else { face })
+}
+
+/// Centre of a cell; of one beyond the end of a periodic domain as if it went on there.
 pub(in crate::elaborate) fn centre(l: &mut Lowering<'_, '_>, domain: DomainId, cell: Cell) -> ExprId {
     if l.symbols.is_uniform(domain) {
         let (_, low, _) = ends(l, domain);
@@ -119,10 +129,19 @@ pub(in crate::elaborate) fn centre(l: &mut Lowering<'_, '_>, domain: DomainId, c
         let x = l.exprs.mul(k, h);
         return l.exprs.add(low, x);
     }
-    let (a, b) = (face_position(l, domain, cell), face_position(l, domain, cell.shifted(1)));
+    let cells = if l.symbols.is_periodic(domain) { l.symbols.domains[domain].cells } else { 0 };
+    let beyond = if cell.last() < 0 { -1 } else { i64::from(cells > 0 && cell.first >= cells) };
+    let inside = cell.shifted(-beyond * cells);
+    let (a, b) = (face_position(l, domain, inside), face_position(l, domain, inside.shifted(1)));
     let half = l.exprs.constant(0.5);
     let sum = l.exprs.add(a, b);
-    l.exprs.mul(half, sum)
+    let centre = l.exprs.mul(half, sum);
+    if cells == 0 || beyond == 0 {
+        return centre;
+    }
+    let (_, low, high) = ends(l, domain);
+    let length = if beyond > 0 { l.exprs.sub(high, low) } else { l.exprs.sub(low, high) };
+    l.exprs.add(centre, length)
 }
 
 /// Centre of a cell: what `z` means as a number.
@@ -154,7 +173,8 @@ pub(in crate::elaborate) fn cell_width(l: &mut Lowering<'_, '_>, domain: DomainI
 /// Area of a face without the angular factor (1, x, x²).
 pub(in crate::elaborate) fn area(l: &mut Lowering<'_, '_>, domain: DomainId, face: Cell) -> ExprId {
     if let Some(e) = &l.symbols.domains[domain].declaration.areas {
-        let k = l.values().number(face, 0.0);
+        let seam = l.symbols.is_periodic(domain) && face == Cell::single(l.symbols.domains[domain].cells);
+        let k = l.values().number(if seam { Cell::single(0) } else { face }, 0.0);
         let unit = area_unit(l, domain);
         return prescribed(l, domain, e, k, &unit);
     }

@@ -77,7 +77,7 @@ pub(in crate::elaborate::space) fn mean_of<'m, 'a>(l: &mut Lowering<'m, 'a>, f: 
     let cell =
         |s: &mut Lowering<'m, 'a>, by| field::in_cell(s, f.symbol, &f.index, f.span, f.face.at.shifted(by), f.face.domain, &f.place).expr;
     let n = l.symbols.domains[f.face.domain].cells;
-    if f.face.at.count == 1 && (f.face.at.first == 0 || f.face.at.first == n) {
+    if f.face.at.count == 1 && (f.face.at.first == 0 || f.face.at.first == n) && !l.symbols.is_periodic(f.face.domain) {
         return f.beside;
     }
     let (left, right) = (cell(l, -1), cell(l, 0));

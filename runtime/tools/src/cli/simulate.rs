@@ -112,6 +112,8 @@ enum StartArgument {
     Nominal,
     /// The steady state
     Steady,
+    /// The state to which a period under the nominal policy returns
+    Cyclic,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -295,6 +297,7 @@ impl SimulateArguments {
             StartArgument::Sampled => Start::Sampled,
             StartArgument::Nominal => Start::Nominal,
             StartArgument::Steady => Start::Steady,
+            StartArgument::Cyclic => Start::Cyclic,
         };
         let mut options = ResetOptions { start, hold_records: true, ..ResetOptions::default() };
         if let Some(path) = &self.init {

@@ -169,6 +169,7 @@ impl<'s> Writer<'s> {
         for (what, value) in given.into_iter().filter_map(|(what, value)| Some((what, value.as_ref()?))) {
             particulars.push(format!("{what} {}", self.inline(value)));
         }
+        particulars.extend(d.periodic.map(|_| "periodic".to_owned()));
         let name = |ident: &Option<Ident>| ident.as_ref().map(|i| i.text.clone()).unwrap_or_default();
         let row = vec![
             code(&d.name.text),

@@ -1,7 +1,7 @@
 //! The command `smpl` from outside.
 #![allow(dead_code, reason = "not every file of tests needs everything")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Runs the command.
@@ -29,13 +29,25 @@ pub fn file(test: &str, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
 }
 
 /// The folder of a file, for those that stand beside it.
-pub fn beside(path: &std::path::Path, name: &str) -> PathBuf {
+pub fn beside(path: &Path, name: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
 /// A path as an argument.
-pub fn name(path: &std::path::Path) -> &str {
+pub fn name(path: &Path) -> &str {
     path.to_str().expect("utf-8")
+}
+
+/// Columns of a run: for each its number in every row.
+pub fn columns(path: &Path, columns: &[&str], more: &[&str]) -> Vec<Vec<f64>> {
+    let out = beside(path, "out.csv");
+    let output = smpl(&[&["simulate", name(path), "--out", name(&out)], more].concat());
+    assert_eq!(status(&output), 0, "{}", text(&output.stderr));
+    let table = std::fs::read_to_string(&out).expect("a table");
+    let header: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
+    let at = |column: &&str| header.iter().position(|c| c == column).unwrap_or_else(|| panic!("no {column} in {header:?}"));
+    let cell = |row: &str, at: usize| row.split(',').nth(at).expect("a cell").parse().expect("a number");
+    columns.iter().map(at).map(|at| table.lines().skip(1).map(|row| cell(row, at)).collect()).collect()
 }
 
 /// A model with parameters of every kind, a disturbance and noise.
