@@ -422,7 +422,7 @@ def test_the_table_of_the_book_is_that_of_the_records(tmp_path):
     records = ROOT / "docs/results/benchmark"
     found = benchmark(tmp_path, "all", "short", run_nothing=True, results=records)
     assert len(found["rows"]) >= 10
-    place_in(page, found, places(finished(None, None, "short", records, tmp_path)))
+    place_in(page, found, places(finished("all", None, None, "short", records, tmp_path), records))
     given, made = (
         [re.sub(r"\*(?=[†‡ ])", "", line) for line in text.splitlines() if line.startswith("| ")]
         for text in (shown, page.read_text(encoding="utf-8"))

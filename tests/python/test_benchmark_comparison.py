@@ -15,7 +15,7 @@ from smpl_benchmarks import controls, paper, tune_controls
 from smpl_benchmarks.common import Row, check_same, common_rows, reference_of
 from smpl_benchmarks.comparison import claim, compare
 from smpl_benchmarks.places import places
-from smpl_benchmarks.records import Result, place
+from smpl_benchmarks.records import Result, keep, place
 from smpl_benchmarks.significance import (
     improvement,
     performance_profile,
@@ -151,6 +151,42 @@ def test_places_of_the_page_are_made_from_records():
     assert "| reference | 4 | +4 | 0 |" in found["reference Tank"]
 
 
+def test_returns_with_two_texts_of_a_model_are_compared(tmp_path):
+    def run(name, number, returns, checksum, suite="control"):
+        one = result(suite, name, number, returns)
+        configuration = {**one.run.described(), "checksum": checksum}
+        return dataclasses.replace(one, configuration=configuration)
+
+    for one in (
+        run("nominal", 0, [1.0, 2.0], "a"),
+        run("nominal", 1, [4.0, -5.0], "a"),
+        run("slow", 0, [1.0], "a"),
+        run("PPO", 0, [1.0, 1.0], "a", "online"),
+        # Again: the same text; another text, twice; another text with other returns; a learned row.
+        run("slow", 0, [9.0], "a"),
+        run("nominal", 0, [7.0, 7.0], "b"),
+        run("nominal", 0, [1.0, 2.0], "c"),
+        run("nominal", 1, [4.0, -4.0, 8.0], "c"),
+        run("PPO", 0, [2.0, 2.0], "c", "online"),
+    ):
+        keep(one, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "paper-control-earlier.jsonl",
+        "paper-control.jsonl",
+        "paper-online.jsonl",
+    ]
+    # Returns 1, 2, 4 are the same; -5 and -4 differ by 1 of 5.
+    assert places(FOUND, tmp_path, "paper")["checks"].splitlines()[2:] == ["| Tank | nominal | 4 | 3 | 0.2 |"]
+    assert "No control was run with two texts" in places(FOUND)["checks"]
+
+
+def test_the_cost_of_a_row_is_the_shortest_of_its_seeds():
+    quick = dataclasses.replace(FOUND[9], scores={**FOUND[9].scores, "seconds": 30.0})
+    slow = dataclasses.replace(FOUND[10], scores={**FOUND[10].scores, "seconds": 300.0})
+    lines = places([*FOUND[:3], quick, slow])["cost"].splitlines()
+    assert lines[0] == "| suite | row | Tank |" and lines[2:] == ["| online | PPO | 0.5 |"]
+
+
 def test_every_published_figure_is_printed_with_its_mark():
     text = places(FOUND)["published"]
     assert text.count("\n| ") == len(paper.LEARNED) + len(paper.CONTROL) + 1
@@ -199,6 +235,18 @@ def test_a_control_is_tuned_on_training_starts_and_then_a_row(tmp_path, monkeypa
     monkeypatch.setattr(controls.tuned, "__defaults__", (out,))
     names = [one.controller for one in runs("control", "short", "Beer", 1)]
     assert "constant" in names and "constant" not in [one.controller for one in runs("control", "smoke", "Beer", 1)]
+
+
+def test_a_search_that_misses_a_narrow_optimum_keeps_its_start(tmp_path, monkeypatch):
+    # The level of the reactor holds only if the outflow is the inflow of 0.1 m^3/min.
+    control = controls.CONTROLS["Reactor"]["constant"]
+    small = dataclasses.replace(control, starts=2, evaluations=4, method="differential_evolution")
+    monkeypatch.setitem(controls.CONTROLS, "Reactor", {"constant": small})
+    task = Task.of("smpl/Reactor-v0", **SUBJECTS["Reactor"].arguments)
+    found = tune_controls.tune(task, "Reactor", "constant", tmp_path, 1)
+    nominal = score(Plan.of(task, "nominal", 2, seed=tune_controls.TRAINING), 1, kept=0).returns.mean()
+    assert found["point"] == pytest.approx(control.start, abs=1e-5)
+    assert found["value"] == pytest.approx(nominal, rel=1e-6)
 
 
 def test_a_control_is_scored_on_validation_episodes_of_its_own(tmp_path, monkeypatch):

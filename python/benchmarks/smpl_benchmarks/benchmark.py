@@ -110,19 +110,21 @@ def _result(one: Run, out: Path, records: Path | None) -> Result | None:
 
 
 def finished(
+    suite: str,
     env: str | Sequence[str] | None,
     config: str | os.PathLike[str] | None,
     budget: str,
     records: str | os.PathLike[str] | None,
     out: Path,
 ) -> list[Result]:
-    """Results of all suites and tracks of a budget that are finished, in the folder `out` or by their record."""
+    """Results of a suite in all its tracks that are finished, in the folder `out` or by their record."""
     kept = None if records is None else Path(records)
-    trained = [name for name, one in TRACKS.items() if one.learners and name != RESIDUAL]
-    every = runs("all", budget, env, SEEDS, config=config)
-    for track in trained:
-        names = [name for name in TRACKS[track].processes or SUBJECTS if env is None or name in env]
-        every += [one for one in runs("online", budget, names, SEEDS, TRACKS[track].learners, config, track) if names]
+    every = runs(suite, budget, env, SEEDS, config=config)
+    envs = [name for name in SUBJECTS if name in {one.env for one in every}]
+    for track, about in TRACKS.items():
+        names = [name for name in envs if name in (about.processes or SUBJECTS)]
+        if suite in ("online", "all") and about.learners and track != RESIDUAL and names:
+            every += runs("online", budget, names, SEEDS, about.learners, config, track)
     return [found for one in every if (found := _result(one, out, kept)) is not None]
 
 
@@ -344,8 +346,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             track=given.track,
         )  # fmt: skip
         if given.page is not None:
-            results = finished(given.env, given.config, given.budget, given.results, Path(given.out))
-            place_in(Path(given.page), found, places(results))
+            results = finished(given.suite, given.env, given.config, given.budget, given.results, Path(given.out))
+            place_in(Path(given.page), found, places(results, given.results and Path(given.results), given.budget))
         print(text_table(lines(found)) + remarks(found))
         return 0
 

@@ -35,7 +35,12 @@ def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list
 
 
 def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Mean gain over the nominal policy with its interval, best on top; the return itself where none was run."""
+    """Mean gain over the nominal policy with its interval, best on top; the return itself where none was run.
+
+    Only rows of as many episodes as the longest are shown: others are not comparable.
+    """
+    most = max(row["episodes"] for row in rows)
+    rows = [row for row in rows if row["episodes"] == most]
     key = "gain" if all(row["gain"] is not None for row in rows) else "return_mean"
     interval = "gain_interval" if key == "gain" else "return_interval"
     shown = [row for row in rows if key != "gain" or row["controller"] != "nominal"] or rows

@@ -8,7 +8,7 @@ A place is the text between the lines `<!-- table -->` and `<!-- end of table --
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -63,12 +63,20 @@ def places_of(page: Path) -> str:
     return text
 
 
+def grid(head: Sequence[str], lines: Sequence[Sequence[str]], left: int) -> str:
+    """A table in Markdown; the first `left` columns hold text, the others numbers."""
+    rule = "|" + " --- |" * left + " ---: |" * (len(head) - left)
+    return "\n".join([_line(head), rule, *map(_line, lines)]) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
 def _processes(table: Mapping[str, Any]) -> dict[str, str]:
     """Name of each process to its rows as Markdown."""
     head, *body = lines(table)
-    rule = "| --- | --- |" + " ---: |" * (len(head) - 3)
     found = {}
     for env, rows in groupby(body, key=lambda row: row[0]):
-        written = [f"| {' | '.join(row[1:])} |" for row in (head, *rows)]
-        found[env] = "\n".join([written[0], rule, *written[1:]]) + "\n"
+        found[env] = grid(head[1:], [row[1:] for row in rows], left=2)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,16 @@ from smpl_benchmarks.comparison import (
     figures,
 )
 from smpl_benchmarks.controls import CONTROLS
+from smpl_benchmarks.pages import grid
+from smpl_benchmarks.provenance import checks, cost, tuning
 from smpl_benchmarks.records import Result
 from smpl_benchmarks.tracks import RESIDUAL, TRACKS
 
 _MARKS = {1: "+", 0: "", -1: "-"}
 
 
-def places(results: Sequence[Result]) -> dict[str, str]:
-    """Text of each place by its name, from finished runs of all suites and tracks."""
+def places(results: Sequence[Result], records: Path | None = None, budget: str = "short") -> dict[str, str]:
+    """Text of each place by its name, from finished runs of all suites and tracks and the folder of their records."""
     main = [one for one in results if one.run.track == RESIDUAL]
     every = compared(main)
     found = {
@@ -34,6 +37,9 @@ def places(results: Sequence[Result]) -> dict[str, str]:
         "published": published(main),
         "tracks": tracks(results, every),
         "controls": budgets(every),
+        "checks": checks(records, budget),
+        "cost": cost(main),
+        "tuning": tuning(),
     }
     for one in every:
         found |= {
@@ -80,7 +86,7 @@ def headline(every: Sequence[Comparison]) -> str:
                 reference,
             ]
         )
-    return _table(head, lines, left=1)
+    return grid(head, lines, left=1)
 
 
 def sentence(one: Comparison) -> str:
@@ -138,7 +144,7 @@ def comparison(one: Comparison) -> str:
                 _number(mine["cost"]),
             ]
         )  # fmt: skip
-    text = _table(head, lines, left=2)
+    text = grid(head, lines, left=2)
     if one.left:
         listed = "; ".join(f"{key} ({why})" for key, why in sorted(one.left.items()))
         text += f"\nNot re-scored on these episodes, and therefore not in the table: {listed}.\n"
@@ -156,7 +162,7 @@ def references(one: Comparison) -> str:
         gain, deficit = (row.returns - nominal.returns).mean(), (best.returns - row.returns).mean()
         lines.append([row.controller, f"{row.returns.mean():.5g}", f"{gain:+.4g}", f"{deficit:.4g}"])
     episodes = f"The first {nominal.returns.shape[1]} episodes of each of {len(nominal.starts)} blocks."
-    return f"{episodes}\n\n{_table(head, lines, left=1)}"
+    return f"{episodes}\n\n{grid(head, lines, left=1)}"
 
 
 def aggregated(every: Sequence[Comparison]) -> str:
@@ -169,7 +175,7 @@ def aggregated(every: Sequence[Comparison]) -> str:
         ]
         for row in aggregate(every)
     ]  # fmt: skip
-    return f"Processes: {', '.join(one.env for one in every)}.\n\n{_table(head, lines, left=1)}"
+    return f"Processes: {', '.join(one.env for one in every)}.\n\n{grid(head, lines, left=1)}"
 
 
 def published(results: Sequence[Result]) -> str:
@@ -177,7 +183,7 @@ def published(results: Sequence[Result]) -> str:
     head = ["process", "suite", "row", "paper", "ours, `legacy`", "ours, `default`", "task differs"]
     known = len(paper.LEARNED)
     return (
-        _table(head, paper.lines(results), left=3)
+        grid(head, paper.lines(results), left=3)
         + f"\nThe paper has {paper.ROWS} rows of learned policies; {known} of their figures are known in this "
         f"repository, the other {paper.ROWS - known} are not, and are left out rather than estimated.\n"
     )
@@ -196,7 +202,7 @@ def tracks(results: Sequence[Result], every: Sequence[Comparison]) -> str:
             lines += [_of_track(name, env, learner, mine, every) for learner, mine in found.items() if mine]
             missing.setdefault(tuple(learner for learner, mine in found.items() if not mine), []).append(env)
         commands += [_command(name, envs, learners) for learners, envs in missing.items() if learners]
-    text = _table(head, lines, left=3) if lines else ""
+    text = grid(head, lines, left=3) if lines else ""
     if commands:
         text += "\nNot trained at this budget:\n\n```sh\n" + "\n".join(commands) + "\n```\n"
     return text
@@ -239,16 +245,7 @@ def budgets(every: Sequence[Comparison]) -> str:
         for name, control in CONTROLS.get(one.env, {}).items():
             run = any(row.controller == name for row in (*one.rows, *one.references))
             lines.append([one.env, name, control.what, control.budget if run else f"{control.budget}; not run"])
-    return _table(head, lines, left=4)
-
-
-def _table(head: Sequence[str], lines: Sequence[Sequence[str]], left: int) -> str:
-    rule = "|" + " --- |" * left + " ---: |" * (len(head) - left)
-    return "\n".join([_line(head), rule, *map(_line, lines)]) + "\n"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    return grid(head, lines, left=4)
 
 
 def _gain(mine: Mapping[str, Any]) -> str:

@@ -2,7 +2,8 @@
 
 A record has the configuration, the versions, the scores and the learning curve of a run, some kilobytes; networks,
 checkpoints and data sets stay where they were made. `BUDGET-SUITE.jsonl` in one folder has a line of JSON per run,
-ordered by environment, controller and seed.
+ordered by environment, controller and seed. `BUDGET-control-earlier.jsonl` has the first record of controls that were
+run again with another text of the model: the page compares both, as records of learned policies are of the former text.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ _SCORES = (
 _CURVE = ("steps", "mean", "failures")
 # What says which run it is; the rest of a configuration says by what it was made.
 _MADE_BY = ("smpl", "checksum", "versions")
+
+
+Key = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ def recorded(run: Run, records: Path) -> Result | None:
     Raises:
         ValueError: a line of the file is not a record.
     """
-    found = _lines(place(run, records)).get(_key(run))
+    found = kept(place(run, records)).get(_key(run))
     if found is None:
         return None
     columns = found["curve"]
@@ -80,8 +84,16 @@ def place(run: Run, records: Path) -> Path:
     return records / f"{run.budget}-{run.part}.jsonl"
 
 
+def earlier(path: Path) -> Mapping[Key, Mapping[str, Any]]:
+    """First records of the controls of a file that were run again with another text of the model."""
+    return kept(_earlier(path))
+
+
 def keep(result: Result, records: Path) -> None:
-    """Write the record of a run, whole or not at all; the run's former record is replaced."""
+    """Write the record of a run, whole or not at all; the run's former record is replaced.
+
+    The first record of a control moves to the earlier ones if the text of the model has changed.
+    """
     content = {
         "configuration": dict(result.configuration),
         "scores": {key: _short(result.scores[key]) for key in _SCORES if key in result.scores},
@@ -89,23 +101,32 @@ def keep(result: Result, records: Path) -> None:
     }
     records.mkdir(parents=True, exist_ok=True)
     with _alone(records):
-        path = place(result.run, records)
-        every = {**_lines(path), _key(result.run): content}
-        text = "".join(json.dumps(every[key], allow_nan=False) + "\n" for key in sorted(every))
-        temporary = path.with_name(f".{path.name}.tmp")
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
+        path, key = place(result.run, records), _key(result.run)
+        every, before = kept(path), kept(_earlier(path))
+        former = every.get(key, content)["configuration"]
+        rewritten = former.get("checksum") != result.configuration.get("checksum")
+        if rewritten and result.run.suite == "control" and key not in before:
+            _write_lines(_earlier(path), {**before, key: every[key]})
+        _write_lines(path, {**every, key: content})
 
 
-Key = tuple[str, str, int]
+def _earlier(path: Path) -> Path:
+    return path.with_name(f"{path.stem}-earlier.jsonl")
+
+
+def _write_lines(path: Path, every: Mapping[Key, Mapping[str, Any]]) -> None:
+    text = "".join(json.dumps(every[key], allow_nan=False) + "\n" for key in sorted(every))
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
 
 
 def _key(run: Run) -> Key:
     return run.env, run.controller, run.number
 
 
-def _lines(path: Path) -> Mapping[Key, Mapping[str, Any]]:
-    """The records of a file by environment, controller and number of the seed."""
+def kept(path: Path) -> Mapping[Key, Mapping[str, Any]]:
+    """Records of a file by environment, controller and number of the seed."""
     if not path.is_file():
         return {}
     about = path.stat()

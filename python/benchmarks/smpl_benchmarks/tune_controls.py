@@ -27,6 +27,8 @@ TRAINING = 800_000_000
 def tune(task: Task, env: str, name: str, folder: Path, workers: int | None = None, seed: int = 0) -> dict[str, Any]:
     """Search the numbers of a control: the highest mean return on the training starts.
 
+    The numbers where the search begins are a candidate too, as a search can miss a narrow optimum.
+
     Args:
         task: environment of the scores.
         env, name: which control.
@@ -39,17 +41,20 @@ def tune(task: Task, env: str, name: str, folder: Path, workers: int | None = No
     """
     control = CONTROLS[env][name]
     folder.mkdir(parents=True, exist_ok=True)
+    low, high = np.array(control.low), np.array(control.high)
+    start = (low + high) / 2 if control.start is None else np.array(control.start)
     search = Search(
-        np.array(control.low), np.array(control.high), names=control.names, method=control.method,
-        start=control.start, spread=control.spread, seed=seed, file=folder / f"{env}-{name}.csv",
+        low, high, names=control.names, method=control.method, start=start, spread=control.spread, seed=seed,
+        file=folder / f"{env}-{name}.csv",
     )  # fmt: skip
     began = time.perf_counter()
 
     def values(points: FloatArray) -> FloatArray:
         return np.array([_mean_return(task, made(task, env, name, one), control.starts, workers) for one in points])
 
-    search.run(values, control.evaluations)
-    point, value = search.best
+    search.run(values, control.evaluations - 1)
+    found, begin = search.best, (start, float(values(start[None])[0]))
+    point, value = max(found, begin, key=lambda pair: pair[1])
     rounded = [float(f"{one:.6g}") for one in point]
     seconds = round(time.perf_counter() - began, 1)
     return {
