@@ -268,6 +268,14 @@ def test_a_control_is_scored_on_validation_episodes_of_its_own(tmp_path, monkeyp
     }
 
 
+def test_the_page_has_the_budget_that_a_search_had(monkeypatch):
+    monkeypatch.setitem(controls.CONTROLS, "Tank", controls.CONTROLS["Reactor"])
+    monkeypatch.setattr(controls, "tuned", lambda: {"Tank": {"pi": {"point": [1.0], "budget": "cma, 5 x 2 episodes"}}})
+    text = places(FOUND)["controls"]
+    assert "| cma, 5 x 2 episodes; not run |" in text
+    assert f"| {controls.CONTROLS['Reactor']['constant'].budget}; not run |" in text
+
+
 def test_controls_without_validation_are_named():
     bare = [
         dataclasses.replace(one, scores={**one.scores, "validation": None}) if one.run.controller == "nominal" else one

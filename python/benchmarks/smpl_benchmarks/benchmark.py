@@ -117,7 +117,7 @@ def finished(
     records: str | os.PathLike[str] | None,
     out: Path,
 ) -> list[Result]:
-    """Results of a suite in all its tracks that are finished, in the folder `out` or by their record."""
+    """Finished results of a suite in all its tracks, in the folder `out` or by their record."""
     kept = None if records is None else Path(records)
     every = runs(suite, budget, env, SEEDS, config=config)
     envs = [name for name in SUBJECTS if name in {one.env for one in every}]

@@ -171,14 +171,20 @@ _ATROPINE = {
         "dq4": [-0.00035, 0.00035],
     },
 }
-# The nominal action of the reactor, 26.85 degC and 0.1 m^3/min, in shares of the box: its level is an integrator, so
-# that a constant outflow holds it near one value only.
+# The nominal action of the reactor, 26.85 degC and 0.1 m^3/min, in shares of the box. The level is
+# an integrator, so that a constant outflow holds it near one value only.
 _REACTOR = ((26.85 - 25) / 10, (0.1 - 0.125) / 0.075)
 _CONSTANT, _OPEN = "constant action, by search", "open-loop recipe, by search"
 CONTROLS: dict[str, dict[str, Control]] = {
     "Reactor": {
         "constant": Control(
-            _CONSTANT, _formulated({}), **_box(("T_c", "q_out")), start=_REACTOR, evaluations=60, spread=0.03
+            _CONSTANT,
+            _formulated({}),
+            **_box(("T_c", "q_out")),
+            start=_REACTOR,
+            starts=100,
+            evaluations=60,
+            spread=0.03,
         ),
         "open_loop": Control(
             _OPEN, _recipe(4), **_moves(("T_c", "q_out"), 4), start=_REACTOR * 4, evaluations=120, spread=0.03
@@ -198,7 +204,7 @@ CONTROLS: dict[str, dict[str, Control]] = {
     },
     "Beer": {
         "constant": Control(
-            _CONSTANT, _formulated({}), **_box(("T",)), method="differential_evolution", evaluations=64
+            _CONSTANT, _formulated({}), **_box(("T",)), method="differential_evolution", starts=100, evaluations=64
         ),
         "open_loop": Control(_OPEN, _recipe(10), **_moves(("T",), 10), evaluations=150),
     },

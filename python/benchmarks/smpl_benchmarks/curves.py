@@ -35,7 +35,7 @@ def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list
 
 
 def _scores(figure_type: Any, env: str, rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Mean gain over the nominal policy with its interval, best on top; the return itself where none was run.
+    """Mean gain over the nominal policy with its interval; the return itself without this policy.
 
     Only rows of as many episodes as the longest are shown: others are not comparable.
     """

@@ -18,7 +18,7 @@ from smpl_benchmarks.comparison import (
     compared,
     figures,
 )
-from smpl_benchmarks.controls import CONTROLS
+from smpl_benchmarks.controls import CONTROLS, settings
 from smpl_benchmarks.pages import grid
 from smpl_benchmarks.provenance import checks, cost, tuning
 from smpl_benchmarks.records import Result
@@ -28,7 +28,7 @@ _MARKS = {1: "+", 0: "", -1: "-"}
 
 
 def places(results: Sequence[Result], records: Path | None = None, budget: str = "short") -> dict[str, str]:
-    """Text of each place by its name, from finished runs of all suites and tracks and the folder of their records."""
+    """Text of each place by its name, from finished runs and the folder of their records."""
     main = [one for one in results if one.run.track == RESIDUAL]
     every = compared(main)
     found = {
@@ -51,7 +51,7 @@ def places(results: Sequence[Result], records: Path | None = None, budget: str =
 
 
 def headline(every: Sequence[Comparison]) -> str:
-    """Per process the control and the learned policy that validation selects, and their difference in the test."""
+    """The control and the learned policy that validation selects, and their difference."""
     head = [
         "process",
         "episodes",
@@ -167,13 +167,16 @@ def references(one: Comparison) -> str:
 
 def aggregated(every: Sequence[Comparison]) -> str:
     """Interquartile means, performance profiles and probabilities of improvement over all processes."""
-    head = ["row", "IQM", "95 %", *(f"> {one:g}" for one in THRESHOLDS), "P(better than `constant`)"]
+    found = aggregate(every)
+    # The rival is not a row of all processes if nothing is compared with it.
+    rival = ["P(better than `constant`)"] if any(row["improvement"] is not None for row in found) else []
+    head = ["row", "IQM", "95 %", *(f"> {one:g}" for one in THRESHOLDS), *rival]
     lines = [
         [
             row["row"], f"{row['iqm']:.3g}", _between(row["interval"]), *(f"{share:.2f}" for share in row["profile"]),
-            _number(row["improvement"]),
+            *([_number(row["improvement"])] if rival else []),
         ]
-        for row in aggregate(every)
+        for row in found
     ]  # fmt: skip
     return f"Processes: {', '.join(one.env for one in every)}.\n\n{grid(head, lines, left=1)}"
 
@@ -244,7 +247,8 @@ def budgets(every: Sequence[Comparison]) -> str:
     for one in every:
         for name, control in CONTROLS.get(one.env, {}).items():
             run = any(row.controller == name for row in (*one.rows, *one.references))
-            lines.append([one.env, name, control.what, control.budget if run else f"{control.budget}; not run"])
+            budget = settings(one.env, name)["control"]["budget"]
+            lines.append([one.env, name, control.what, budget if run else f"{budget}; not run"])
     return grid(head, lines, left=4)
 
 

@@ -1,4 +1,4 @@
-"""Places of the page of results on the origin of the records: texts of the models, tuning, and time of a run."""
+"""Places of the page on the origin of the records: texts of the models, tuning, time of a run."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _check(env: str, before: Mapping[Key, Mapping[str, Any]], now: Mapping[Key, 
 
 
 def tuning() -> str:
-    """Searches of hyperparameters that the configuration adopts, with the score of a trial before and after."""
+    """Searches of hyperparameters that the configuration adopts, with the score before and after."""
     if importlib.util.find_spec("yaml") is None:
         return ""
     head = ["process", "row", "trials", "steps", "reward of a step, before", "after", "command"]
@@ -58,7 +58,7 @@ def tuning() -> str:
 
 
 def cost(results: Sequence[Result]) -> str:
-    """Wall time of a training and its scores in minutes: the shortest of the seeds, as runs share a machine."""
+    """Minutes of wall time of a training with its scores: the shortest of the seeds."""
     learned = [one for one in results if one.run.suite != "control"]
     times: dict[tuple[str, str], dict[str, float]] = {}
     for one in learned:

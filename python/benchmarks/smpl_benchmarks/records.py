@@ -1,9 +1,10 @@
-"""Results of finished runs: in the folder of the run, or as a line of a file that a repository keeps.
+"""Results of finished runs: in the folder of the run, or as a line of a file of a repository.
 
-A record has the configuration, the versions, the scores and the learning curve of a run, some kilobytes; networks,
-checkpoints and data sets stay where they were made. `BUDGET-SUITE.jsonl` in one folder has a line of JSON per run,
-ordered by environment, controller and seed. `BUDGET-control-earlier.jsonl` has the first record of controls that were
-run again with another text of the model: the page compares both, as records of learned policies are of the former text.
+A record has the configuration, the versions, the scores and the learning curve of a run.
+Networks, checkpoints and data sets stay where they were made.
+`BUDGET-SUITE.jsonl` in one folder has a line of JSON per run, ordered by environment, controller
+and seed. `BUDGET-control-earlier.jsonl` has the first record of controls that were run again with
+another text of the model. The page compares both, as learned policies have the former text.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Result:
     configuration: Mapping[str, Any]
 
     def differing(self) -> list[str]:
-        """What of the configuration is not as the run would have it today; versions and the model's text apart."""
+        """Keys of the configuration that differ from those of the run today."""
         here = json.loads(json.dumps(self.run.described()))
         return [key for key, value in here.items() if self.configuration.get(key) != value]
 

@@ -1,4 +1,4 @@
-"""The table of the benchmark: scores of each controller and algorithm over its seeds, beside the published ones."""
+"""The table of the benchmark: scores of each row over its seeds, with the published ones."""
 
 from __future__ import annotations
 

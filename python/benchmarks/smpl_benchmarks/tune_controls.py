@@ -20,7 +20,8 @@ from smpl.support.arguments import FloatArray
 from smpl_benchmarks.controls import CONTROLS, FILE, made, tuned
 from smpl_benchmarks.subjects import SUBJECTS, one_of
 
-# Seed of the first training start; those of validation, data sets and searches begin at 5, 6 and 7 hundred million.
+# Seed of the first training start; those of validation, data sets and searches begin at 5, 6 and 7
+# hundred million.
 TRAINING = 800_000_000
 
 
