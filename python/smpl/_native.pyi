@@ -203,7 +203,7 @@ class Env:
     def __init__(
         self,
         model: Model,
-        normalize: bool,
+        normalize: bool | str,
         dense_reward: bool,
         info_state: bool,
         max_steps: int | None,
@@ -248,7 +248,7 @@ class Batch:
         self,
         model: Model,
         num_envs: int,
-        normalize: bool,
+        normalize: bool | str,
         dense_reward: bool,
         info_state: bool,
         max_steps: int | None,

@@ -17,8 +17,9 @@ from smpl.model import Model, Setting, as_variants, compile
 from smpl.rendering import History
 from smpl.support.arguments import FloatArray, as_flag, as_mapping, as_vector, check_limit, check_method
 from smpl.support.names import Named
+from smpl.support.options import listed
 from smpl.support.reset_options import start_from_options
-from smpl.support.scaling import from_unit, to_unit
+from smpl.support.scaling import NOMINAL, as_normalize, from_share, from_unit, to_share, to_unit
 from smpl.support.seeds import check_seed, native_seed
 
 Observation = npt.NDArray[np.float32]
@@ -32,22 +33,22 @@ class Interface(Named):
     """Names, units, bounds and single spaces of an environment."""
 
     model: Model
-    normalize: bool
+    normalize: bool | str
     constraint_names: tuple[str, ...]
     action_low: FloatArray
     action_high: FloatArray
     observation_low: FloatArray
     observation_high: FloatArray
 
-    def _describe(self, model: Model, normalize: bool) -> tuple[Box, Box]:
+    def _describe(self, model: Model, normalize: bool | str) -> tuple[Box, Box]:
         """Set everything but the spaces; return those of observations and actions."""
-        self.model, self.normalize = model, as_flag("normalize", normalize)
+        self.model, self.normalize = model, as_normalize(normalize)
         self._share_names(model)
-        self.action_low, self.action_high = model.native.bounds("action")
-        self.observation_low, self.observation_high = model.native.bounds("observation")
+        self.action_low, self.action_high = model.action_low, model.action_high
+        self.observation_low, self.observation_high = model.observation_low, model.observation_high
         return (
-            _box(self.observation_low, self.observation_high, normalize),
-            _box(self.action_low, self.action_high, normalize),
+            _box(self.observation_low, self.observation_high, bool(normalize)),
+            _box(self.action_low, self.action_high, bool(normalize)),
         )
 
     def to_physical(self, action: npt.ArrayLike) -> FloatArray:
@@ -55,6 +56,8 @@ class Interface(Named):
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
+        if self.normalize == NOMINAL:
+            return from_share(values, self.action_low, self.model.action_nominal, self.action_high)
         return from_unit(values, self.action_low, self.action_high)
 
     def from_physical(self, action: npt.ArrayLike) -> FloatArray:
@@ -62,19 +65,24 @@ class Interface(Named):
         values = np.asarray(action, dtype=np.float64)
         if not self.normalize:
             return values
+        if self.normalize == NOMINAL:
+            return to_share(values, self.action_low, self.model.action_nominal, self.action_high)
         return to_unit(values, self.action_low, self.action_high)
 
 
 class Env(Interface, gymnasium.Env[Any, Any]):
     """A process model as a Gymnasium environment.
 
-    Actions and observations are `float32` boxes: [-1, 1] with `normalize=True`, else physical
-    units. Arithmetic is in double precision whatever the type of an action. Observations are
+    Actions and observations are `float32` boxes: [-1, 1], or physical units with `normalize=False`.
+    Arithmetic is in double precision whatever the type of an action. Observations are
     clipped to their bounds; one whose bounds are not finite is never normalised.
 
     Args:
-        model: a compiled model, a path or the name of a shipped model.
-        normalize: scale actions and observations to [-1, 1].
+        model: a compiled model, an environment (of which the model is taken), a path or the name of
+            a shipped model.
+        normalize: scale actions and observations to [-1, 1] by their bounds: 0 is the middle of the
+            box. With `"nominal"`, 0 of an action is its nominal value (the declared default) and -1
+            and 1 are its bounds, linear on each side.
         dense_reward: if false, the reward is 0 but in the last step, which brings the sum.
         reward: name of the reward that `step` returns.
         observation: observation level (`default`, `full`, or one of the model's).
@@ -101,11 +109,12 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         "render_fps": 10,
     }
 
+    @listed
     def __init__(
         self,
-        model: Model | str | os.PathLike[str],
+        model: Model | Interface | str | os.PathLike[str],
         *,
-        normalize: bool = True,
+        normalize: bool | str = True,
         dense_reward: bool = True,
         reward: str | None = None,
         observation: str = "default",
@@ -136,7 +145,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
             self._history = History(self)
 
     def __repr__(self) -> str:
-        scaled = "" if self.normalize else ", normalize=False"
+        scaled = "" if self.normalize is True else f", normalize={self.normalize!r}"
         return f"<smpl.Env {self.model.name}: level {self.model.level!r}, reward {self.model.reward!r}{scaled}>"
 
     # Gymnasium's interface.
@@ -370,7 +379,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
 
 
 def choose_model(
-    model: Model | str | os.PathLike[str],
+    model: Model | Interface | str | os.PathLike[str],
     observation: str,
     reward: str | None,
     scenario: str | os.PathLike[str] | None,
@@ -385,6 +394,8 @@ def choose_model(
         ValueError: a compiled model is given together with a scenario, variants, settings or
             further statements.
     """
+    given: Any = model.unwrapped if isinstance(model, gymnasium.Wrapper) else model
+    model = given.model if isinstance(given, Interface) else given
     if max_step is not None:
         settings = {**as_mapping("settings", settings), "max_step": max_step}
     if not isinstance(model, Model):

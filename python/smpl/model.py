@@ -37,6 +37,7 @@ from smpl.support.drawing import model_as_html, of_model
 from smpl.support.files import is_shipped, model_folders, model_path, models_directory
 from smpl.support.names import Named
 from smpl.support.optional import load
+from smpl.support.options import listed
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -128,6 +129,41 @@ class Model(Named):
         return self._times != _times(self._times)
 
     @property
+    def sampling_interval(self) -> float:
+        """Length of a control step in `time_unit`."""
+        return float(self.step)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Declared values of the parameters by name; `Env.parameters` has those of an episode."""
+        return dict(zip(self.parameter_names, self.native.defaults("parameter").tolist(), strict=True))
+
+    @property
+    def action_low(self) -> FloatArray:
+        """Lower bounds of the actions."""
+        return self.native.bounds("action")[0]
+
+    @property
+    def action_high(self) -> FloatArray:
+        """Upper bounds of the actions."""
+        return self.native.bounds("action")[1]
+
+    @property
+    def action_nominal(self) -> FloatArray:
+        """Nominal actions, the declared defaults."""
+        return self.native.defaults("action")
+
+    @property
+    def observation_low(self) -> FloatArray:
+        """Lower bounds of the observations."""
+        return self.native.bounds("observation")[0]
+
+    @property
+    def observation_high(self) -> FloatArray:
+        """Upper bounds of the observations."""
+        return self.native.bounds("observation")[1]
+
+    @property
     def level(self) -> str:
         """The observation level that the model was compiled with, by its scenario too."""
         return self.native.level
@@ -186,9 +222,10 @@ class Model(Named):
         return compile(**{**self._arguments, **changes})
 
     def with_pade(self, order: int) -> Model:
-        """The same model with Padé approximations of this order, 1 to 5, in place of dead times.
+        """The same model with Padé approximations of this order, 1 to 5, of its dead times.
 
-        States of the approximations follow those of the model. The setting `pade` does the same anywhere.
+        States of the approximations follow those of the model. The setting `pade` has the same
+        effect.
 
         Raises:
             ValueError: another order.
@@ -350,6 +387,7 @@ class Model(Named):
         `previous(x)`, `steady(x)`) are constant as for `residual`; `linearize_step` has the
         derivatives of a whole step, in which they change.
 
+<<<<<<< HEAD
         Args:
             y: unknowns.
             u: actions.
@@ -360,6 +398,11 @@ class Model(Named):
             minimal: return only free states of a model whose states are projected to constraints,
                 `state_names` of the result; otherwise all states, with a mode that decays for each
                 constraint.
+=======
+        A model with dead times needs the order of their Padé approximations, `pade`, 1 to 5. The
+        states of these follow those of the model in A, B and C (`with_pade(pade).state_names`), and
+        rest at the point.
+>>>>>>> ca610470 (environments: normalize="nominal", attributes of models, lists of arguments)
 
         Raises:
             SimulationError: the algebraic equations are singular there, or `pade` is missing.
@@ -381,7 +424,7 @@ class Model(Named):
         return Linearization(matrices, tuple(model.state_names[i] for i in free[0]), free[1])
 
     def _rested(self, exact: Model, y: FloatArray, u: npt.ArrayLike, p: Mapping[str, float] | None) -> FloatArray:
-        """A point of a model with dead times, with the approximations of these at rest, by Newton's method."""
+        """A point with the approximations of dead times at rest, by Newton's method."""
         known = dict(zip(exact.unknown_names, y.tolist(), strict=True))
         point = np.array([known.get(name, 0.0) for name in self.unknown_names])
         free = np.array([name not in exact.state_names for name in self.unknown_names])
@@ -530,16 +573,18 @@ class Model(Named):
         threads: int | None = None,
         first_step: int = 0,
     ) -> StepDerivatives:
-        """Several control steps with the exact derivatives of states, rewards and observations after each.
+        """Control steps with the exact derivatives of states, rewards and observations after each.
 
-        What a model remembers besides its states is part of it: dead times, discrete variables, earlier values. The
-        past before the first step is that of a reset to `x`.
+        Derivatives include the memory of a model: dead times, discrete variables, earlier values.
+        The past before the first step is that of a reset to `x`.
 
         Args:
             x: states at the start, (states,) or (N, states).
             actions: (H, actions) or (N, H, actions), physical units.
-            p: parameters and discrete variables by name, as for `step`; disturbances with one value a step.
-            by: `"state"`, `"action"`, or both. Columns of actions are those of the first step, then of the next.
+            p: parameters and discrete variables by name, as for `step`; disturbances with one value
+                per step.
+            by: `"state"`, `"action"`, or both. Columns of actions are those of the first step, then
+                of the next.
             parameters, discrete, method, threads, first_step: as for `linearize_step`.
 
         Returns:
@@ -646,10 +691,11 @@ class Model(Named):
             low, high = (float(bound[index]) for bound in self.native.bounds(role))
             if role != "parameter" and not low <= value <= high:
                 name = self.native.names(role)[index]
-                raise ValueError(f"p[{name!r}] is {value:g}, which lies outside of its bounds {low:g}..{high:g}")
+                raise ValueError(f"p[{name!r}] is {value:g}, which is outside its bounds {low:g}..{high:g}")
         return given
 
 
+@listed
 def compile(
     path: str | os.PathLike[str] | None = None,
     *,
@@ -713,7 +759,7 @@ def compile(
         # What the shipped models repeat of publications, faults included, their texts say.
         if Path(found.file).is_relative_to(models_directory()):
             continue
-        warnings.warn(f"{found}" + (f" ({found.help})" if found.help else ""), CompileWarning, stacklevel=2)
+        warnings.warn(f"{found}" + (f" ({found.help})" if found.help else ""), CompileWarning, stacklevel=3)
     return model
 
 
@@ -731,7 +777,13 @@ def _compile(
 ) -> Model:
     """Compiles once for each set of arguments; `stamp` distinguishes versions of the files."""
     del stamp
-    native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward, extra)
+    try:
+        native = _native.Model(path, source, scenario, variants, dict(settings), observation, reward, extra)
+    except _native.ScenarioError as error:
+        _, found, rest = str(error).partition(f"unknown reward `{reward}`")
+        if found:
+            raise _native.ScenarioError(f"argument `reward`: {found}{rest}") from None
+        raise
     arguments: dict[str, Any] = {
         "path": path,
         "source": source,

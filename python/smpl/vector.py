@@ -25,6 +25,7 @@ from smpl.support.arguments import (
     check_method,
     check_names,
 )
+from smpl.support.options import listed
 from smpl.support.reset_options import start_from_options
 from smpl.support.seeds import SeedError, check_seed, native_seed
 
@@ -67,12 +68,13 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
         max_episode_steps: the same as `max_steps`, under the name of `gymnasium.make_vec`.
     """
 
+    @listed
     def __init__(
         self,
-        model: Model | str | os.PathLike[str],
+        model: Model | Interface | str | os.PathLike[str],
         num_envs: int = 1,
         *,
-        normalize: bool = True,
+        normalize: bool | str = True,
         dense_reward: bool = True,
         reward: str | None = None,
         observation: str = "default",

@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from gymnasium.wrappers import ClipAction, RescaleAction
 
 from smpl.envs import Env
+from smpl.support.scaling import from_share, to_share
 
 Observation = npt.NDArray[np.float32]
 Action = npt.NDArray[Any]
@@ -46,7 +47,8 @@ class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
     """Actions in [-1, 1] around the nominal ones: 0 is nominal, -1 and 1 are the bounds.
 
     A policy that starts at zero then starts at the nominal operating point, which is seldom the
-    middle of the box.
+    middle of the box. `normalize="nominal"` of `smpl.Env` and `smpl.VectorEnv` does the same
+    without a wrapper, also in batches.
 
     Example:
         >>> env = AroundNominal(gymnasium.make("smpl/Reactor-v0"))  # doctest: +SKIP
@@ -58,22 +60,19 @@ class AroundNominal(gymnasium.ActionWrapper[Observation, Action, Action]):
         if not isinstance(base, Env):
             raise TypeError(f"AroundNominal wraps environments of smpl, got {type(base).__name__}")
         self._base = base
-        self._nominal = base.model.native.defaults("action")
+        self._nominal = base.model.action_nominal
         self.action_space = Box(-1.0, 1.0, shape=self._nominal.shape, dtype=np.float32)
 
     def action(self, action: Action) -> Action:
         """The action of the environment beneath."""
-        scaled = np.asarray(action, dtype=np.float64)
-        down, up = self._nominal - self._base.action_low, self._base.action_high - self._nominal
-        physical = self._nominal + scaled * np.where(scaled < 0, down, up)
-        return self._base.from_physical(physical)
+        shares = np.asarray(action, dtype=np.float64)
+        low, high = self._base.action_low, self._base.action_high
+        return self._base.from_physical(from_share(shares, low, self._nominal, high))
 
     def reverse_action(self, action: Action) -> Action:
         """The action in [-1, 1] that becomes the given one of the environment beneath."""
-        shift = self._base.to_physical(action) - self._nominal
-        down, up = self._nominal - self._base.action_low, self._base.action_high - self._nominal
-        width = np.where(shift < 0, down, up)
-        return np.divide(shift, width, out=np.zeros_like(shift), where=width > 0)
+        low, high = self._base.action_low, self._base.action_high
+        return to_share(self._base.to_physical(action), low, self._nominal, high)
 
 
 def outer_action(env: gymnasium.Env[Any, Any], action: Action) -> Action:

@@ -8,7 +8,7 @@ use smpl_runtime::catalogue::Family;
 use smpl_runtime::environment::ResetOptions;
 
 use crate::arrays::Fresh;
-use crate::environment::gather;
+use crate::environment::{Normalize, gather};
 use crate::errors::{SimulationError, guarded, reset_error, setup_error, step_error};
 use crate::exclusive::Exclusive;
 use crate::interrupt::released;
@@ -20,8 +20,8 @@ use crate::start::Start;
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Flags<'py> = Bound<'py, PyArray1<bool>>;
 type Observations<'py> = Bound<'py, PyArray2<f32>>;
-/// Time, success, failures (none where there is none), violations (a row a constraint), cost,
-/// rewards (a row a reward), states, phases, names of successes (none where there is none).
+/// Time, success, failures (optional), violations (one row per constraint), cost, rewards (one row
+/// per reward), states, phases, names of successes (optional).
 type InfoArrays<'py> = (
     Vector<'py>,
     Flags<'py>,
@@ -68,7 +68,7 @@ impl Batch {
         py: Python<'_>,
         model: &Model,
         num_envs: usize,
-        normalize: bool,
+        normalize: Normalize,
         dense_reward: bool,
         info_state: bool,
         max_steps: Option<u32>,
@@ -86,7 +86,7 @@ impl Batch {
         };
         let setup = model.setup(py, dense_reward, max_steps, method)?;
         let reset = ResetOptions::default();
-        let options = BatchOptions { autoreset, threads: num_threads, normalised: normalize, reset };
+        let options = BatchOptions { autoreset, threads: num_threads, normalisation: normalize.0, reset };
         let batch = guarded(|| batch::Batch::new(&setup, num_envs, options))?.map_err(|e| batch_error(&e))?;
         let Some(first) = batch.environment(0) else {
             return Err(PyValueError::new_err("num_envs is 0, expected a positive integer"));

@@ -4,9 +4,9 @@ use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smpl_runtime::catalogue::{Element, Family};
+use smpl_runtime::catalogue::Family;
 use smpl_runtime::environment::{self, Environment};
-use smpl_runtime::observe::denormalise;
+use smpl_runtime::observe::Normalisation;
 
 use crate::arrays::Fresh;
 use crate::errors::{SimulationError, guarded, reset_error, step_error};
@@ -30,7 +30,7 @@ pub struct Env {
 struct Inner {
     environment: Environment,
     keys: Keys,
-    normalise: bool,
+    normalisation: Normalisation,
     action: Vec<f64>,
 }
 
@@ -40,7 +40,7 @@ impl Env {
     fn new(
         py: Python<'_>,
         model: &Model,
-        normalize: bool,
+        normalize: Normalize,
         dense_reward: bool,
         info_state: bool,
         max_steps: Option<u32>,
@@ -51,7 +51,7 @@ impl Env {
         let inner = Inner {
             keys: Keys::new(py, &environment, info_state)?,
             action: vec![0.0; environment.catalogue().actions.len()],
-            normalise: normalize,
+            normalisation: normalize.0,
             environment,
         };
         Ok(Self { inner: Exclusive::new("environment", inner) })
@@ -63,28 +63,28 @@ impl Env {
         let default = environment::ResetOptions::default();
         let options = start.map_or(&default, |start| &start.options);
         let mut inner = self.inner.enter()?;
-        let Inner { environment, keys, normalise, .. } = &mut *inner;
+        let Inner { environment, keys, normalisation, .. } = &mut *inner;
         released(py, || environment.reset(seed, options))?.map_err(|e| reset_error(&e))?;
-        Ok((observation(py, environment, *normalise), keys.info(py, environment)?))
+        Ok((observation(py, environment, *normalisation), keys.info(py, environment)?))
     }
 
-    /// Takes a step; a `TypeError`, and nothing is stepped, if the action is no plain vector of
+    /// Takes a step; raises `TypeError` without a step if the action is not a plain vector of
     /// doubles.
     fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         let action = action.cast_exact::<PyArray1<f64>>()?;
         let mut inner = self.inner.enter()?;
-        let Inner { environment, keys, normalise, action: values } = &mut *inner;
+        let Inner { environment, keys, normalisation, action: values } = &mut *inner;
         if action.len() != values.len() {
             let message = format!("action has shape ({},), expected ({},)", action.len(), values.len());
             return Err(PyValueError::new_err(message));
         }
         let actions = environment.catalogue().actions.elements();
         for (i, (out, element)) in values.iter_mut().zip(actions).enumerate() {
-            *out = physical(action.get_owned(i).unwrap_or(f64::NAN), element, *normalise);
+            *out = normalisation.physical(action.get_owned(i).unwrap_or(f64::NAN), element);
         }
         let action = &*values;
         let result = released(py, || environment.step(action))?.map_err(|e| step_error(&e))?;
-        Ok((observation(py, environment, *normalise), result.reward, result.terminated, result.truncated, keys.info(py, environment)?))
+        Ok((observation(py, environment, *normalisation), result.reward, result.terminated, result.truncated, keys.info(py, environment)?))
     }
 
     /// Values by role: `state`, `algebraic`, `discrete`, `disturbance`, `action`, `parameter`.
@@ -191,13 +191,22 @@ impl Env {
     }
 }
 
-/// An action in physical units.
-pub fn physical(value: f64, element: &Element, normalised: bool) -> f64 {
-    if normalised { denormalise(value, element.low, element.high) } else { value }
+/// The argument `normalize`: a flag, or `"nominal"`.
+pub struct Normalize(pub Normalisation);
+
+impl<'py> FromPyObject<'_, 'py> for Normalize {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if given.extract::<&str>().is_ok_and(|text| text == "nominal") {
+            return Ok(Self(Normalisation::Nominal));
+        }
+        Ok(Self(if given.extract()? { Normalisation::Box } else { Normalisation::Off }))
+    }
 }
 
-fn observation<'py>(py: Python<'py>, environment: &Environment, normalise: bool) -> Observation<'py> {
-    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalise, out))
+fn observation<'py>(py: Python<'py>, environment: &Environment, normalisation: Normalisation) -> Observation<'py> {
+    Fresh::vector(py, environment.observation_len()).filled(|out| environment.observe(normalisation.scales(), out))
 }
 
 /// Values of a role in declaration order.
@@ -217,7 +226,7 @@ pub fn gather(family: &Family, values: &[f64], out: &mut [f64]) {
     }
 }
 
-/// An exception where the model declares a steady state and there is none.
+/// Raises an exception if the declared steady state cannot be found.
 fn check_steady(environment: &Environment) -> PyResult<()> {
     if let Some(error) = environment.setup().no_steady() {
         return Err(SimulationError::new_err(format!("steady state: {error}")));

@@ -1,9 +1,8 @@
 //! Many instances of one environment, stepped together into the caller's arrays.
 //!
 //! Instance i of a batch with seed s is, bit for bit, the single environment with seed s + i, on
-//! any number of threads: instances share nothing that changes but for the space in which an
-//! integrator works, whose content is forgotten from step to step. Threads are used only where a
-//! step of the batch is faster with them.
+//! any number of threads. Instances share only the workspace of an integrator, whose content does
+//! not outlast a step. Threads are used only where a step of the batch is faster with them.
 
 mod member;
 mod pace;
@@ -18,7 +17,7 @@ pub use self::member::Info;
 use self::member::{Crew, Fault, Member};
 use self::pace::Pace;
 use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, StepError};
-use crate::observe::Number;
+use crate::observe::{Normalisation, Number};
 use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
 
@@ -28,7 +27,7 @@ pub enum Autoreset {
     /// In the next step, which ignores the action, has reward 0 and no flags.
     #[default]
     NextStep,
-    /// In the same step; the final observation and info are kept beside.
+    /// In the same step; the final observation and info are kept separately.
     SameStep,
     /// When the caller says so.
     Disabled,
@@ -41,15 +40,15 @@ pub struct BatchOptions {
     pub autoreset: Autoreset,
     /// Threads; 1 runs everything on the caller's.
     pub threads: usize,
-    /// Actions and observations are in [-1, 1].
-    pub normalised: bool,
+    /// Normalisation of actions and observations.
+    pub normalisation: Normalisation,
     /// Options of resets.
     pub reset: ResetOptions,
 }
 
 impl Default for BatchOptions {
     fn default() -> Self {
-        Self { autoreset: Autoreset::NextStep, threads: 1, normalised: true, reset: ResetOptions::default() }
+        Self { autoreset: Autoreset::NextStep, threads: 1, normalisation: Normalisation::Box, reset: ResetOptions::default() }
     }
 }
 
@@ -90,8 +89,8 @@ pub enum BatchError {
         /// Its error.
         error: SnapshotError,
     },
-    /// Somebody wanted the step to stop, see [`crate::interrupt`]: some instances were stepped and
-    /// others not, so that all want a reset.
+    /// The step was interrupted, see [`crate::interrupt`]: some instances were stepped and others
+    /// not, so that all need a reset.
     #[error("the step was interrupted: call reset")]
     Interrupted,
     /// No threads.
@@ -131,7 +130,7 @@ pub struct Batch {
 const CREWS: usize = 8;
 
 impl Batch {
-    /// `count` instances; they want a [`reset`](Self::reset) first.
+    /// `count` instances; they need a [`reset`](Self::reset) first.
     ///
     /// # Errors
     /// When the solver refuses the system, or no threads can be made.
@@ -162,7 +161,7 @@ impl Batch {
         self.count
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -234,7 +233,7 @@ impl Batch {
                     member.reset(seeds.map(|s| s[index]), &options.reset, integrator);
                     member.pass_on(stop);
                 }
-                member.environment.observe(options.normalised, out);
+                member.environment.observe(options.normalisation.scales(), out);
             }
         };
         let crews = &mut self.crews;
@@ -295,7 +294,7 @@ impl Batch {
                 let result = member.step(&actions[index * inputs..(index + 1) * inputs], options, &mut crew.integrator);
                 (*reward, *terminated, *truncated) = result;
                 member.pass_on(stop);
-                member.environment.observe(options.normalised, out);
+                member.environment.observe(options.normalisation.scales(), out);
             }
         };
         let parallel = self.pool.as_ref().filter(|_| width > 0 && self.pace.chooses_threads());
@@ -334,7 +333,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Before instances are reset or stepped: threads that live, and nothing that stops them.
+    /// Before instances are reset or stepped: starts missing threads and clears interrupts.
     fn begin(&mut self) -> Result<(), BatchError> {
         self.stop.store(false, Ordering::Relaxed);
         if let Some(pool) = self.pool.as_mut().filter(|pool| !pool.is_mine()) {

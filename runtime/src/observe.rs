@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 use smpl_compiler::model::{Observed, Variate};
 
+use crate::catalogue::Element;
 use crate::random::{AT_RESET, EpisodeKey, Stream, hash};
 
 /// The measuring chain of one instance.
@@ -154,8 +155,42 @@ pub fn normalise(value: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-/// The inverse of [`normalise`]: where the bounds are one number, that number. What is no number
-/// stays none.
+/// Scale of the actions and observations that a caller sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Normalisation {
+    /// Physical units.
+    Off,
+    /// Bounds are -1 and 1.
+    Box,
+    /// As [`Box`](Self::Box), but 0 of an action is its default.
+    Nominal,
+}
+
+impl Normalisation {
+    /// Returns `true` if observations are in [-1, 1].
+    #[must_use]
+    pub fn scales(self) -> bool {
+        self != Self::Off
+    }
+
+    /// An action in physical units.
+    #[must_use]
+    pub fn physical(self, value: f64, element: &Element) -> f64 {
+        match self {
+            Self::Off => value,
+            Self::Box => denormalise(value, element.low, element.high),
+            Self::Nominal => around(value, element.low, element.default, element.high),
+        }
+    }
+}
+
+/// A value by its share of the way from a middle to one of its bounds: exactly these at -1, 0, 1.
+fn around(share: f64, low: f64, middle: f64, high: f64) -> f64 {
+    let end = if share < 0.0 { low } else { high };
+    (1.0 - share.abs()) * middle + share.abs() * end
+}
+
+/// The inverse of [`normalise`]: where the bounds are one number, that number. NaN stays NaN.
 #[must_use]
 pub fn denormalise(value: f64, low: f64, high: f64) -> f64 {
     let range = high - low;
@@ -245,6 +280,15 @@ mod tests {
         }
         assert!(denormalise(f64::NAN, 3.0, 3.0).is_nan());
         assert_eq!((denormalise(-0.5, 2.0, 6.0), normalise(3.0, 2.0, 6.0)), (3.0, -0.5));
+    }
+
+    #[test]
+    fn actions_around_the_default_meet_it_and_the_bounds_exactly() {
+        let ends = (15.0, 26.85, 35.0);
+        let scaled = |share| around(share, ends.0, ends.1, ends.2);
+        assert_eq!((scaled(-1.0), scaled(0.0), scaled(1.0)), ends);
+        assert!((scaled(0.5) - 30.925).abs() < 1e-14 && (scaled(-0.5) - 20.925).abs() < 1e-14);
+        assert!(scaled(2.0) > ends.2 && scaled(-2.0) < ends.0 && scaled(f64::NAN).is_nan());
     }
 
     #[test]

@@ -267,6 +267,14 @@ def test_networks_of_stable_baselines_give_their_actions(tmp_path, reactor, kind
 
 
 @pytest.mark.parametrize("target", targets("c", "onnx"))
+def test_networks_around_the_nominal_action_give_their_actions(tmp_path, reactor, target):
+    policy, env = Acting(network(3, 2), "td3"), smpl.Env(reactor, normalize="nominal")
+    file = export_policy(policy, env, target, tmp_path / f"policy.{target}")
+    scale = env.action_high - env.action_low
+    assert largest_difference(env, policy, load_artefact(file, env)) < 2e-6 * scale.max()
+
+
+@pytest.mark.parametrize("target", targets("c", "onnx"))
 @pytest.mark.parametrize(
     "formulation",
     [

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import pickle
 import re
 import warnings
 
@@ -152,6 +153,33 @@ def test_a_controller_is_the_same_however_its_options_are_given():
         ".process_noise": "dict of 1", ".process_noise['T']": "0.1", ".parameters": "None", ".noise": "None",
         ".p": "None", ".disturbances": "None",
     }  # fmt: skip
+
+
+class Gentle(PID):
+    """A subclass with its own arguments."""
+
+    def __init__(self, gain):
+        super().__init__("T", "T_c", gain, PIDOptions(integral_time=3.0), set_point=52.0)
+
+
+class Wide(SamplingMPC):
+    def __init__(self, *given, **options):
+        super().__init__(*given, **{"samples": 8, **options})
+
+
+def test_subclasses_pass_option_objects_on():
+    own = Gentle(-1.0)
+    assert (own.integral_time, own.set_point, repr(own)) == (3.0, 52.0, "Gentle(-1.0)")
+    assert list(identity(own)) == ["", ".gain"]
+    wide = Wide(SamplingOptions(horizon=7))
+    assert (wide.horizon, wide._samples) == (7, 8)
+
+
+def test_options_and_controllers_made_from_them_are_pickled():
+    options = SamplingOptions(horizon=5, deviation={"T_c": 1.0})
+    assert pickle.loads(pickle.dumps(options)) == options
+    controller = SamplingMPC(options)
+    assert identity(pickle.loads(pickle.dumps(controller))) == identity(controller)
 
 
 def test_the_same_options_serve_both_estimators():

@@ -106,7 +106,10 @@ def operating_point(
     env = Env(model, normalize=False)
     env.reset(seed=0, options={"start": "nominal"})
     action = operating_action(env)
-    return model.steady_state(action, p), action
+    try:
+        return model.steady_state(action, p), action
+    except SimulationError as error:
+        raise SimulationError(f"{model.name} has no steady state to linearise at: give at=(y, u) ({error})") from error
 
 
 # Most states of a model that is linearised only to look at a sign.

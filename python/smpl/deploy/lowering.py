@@ -20,6 +20,7 @@ from smpl.envs import Env
 from smpl.learning.formulation import Form, FormulatedPolicy
 from smpl.policies import Rows
 from smpl.support.arguments import FloatArray
+from smpl.support.scaling import NOMINAL
 
 # Starts that are tried for the longest course of a recipe.
 _SEEDS = 5
@@ -160,13 +161,14 @@ def _network(layers: tuple[Layer, ...], env: Env, form: Form | None) -> Law:
     """A network between the scaled observations and actions of an environment or formulation."""
     n, m = len(env.observation_names), len(env.action_names)
     clip_low, clip_high = env.observation_low, env.observation_high
-    scaled = np.isfinite(clip_low) & np.isfinite(clip_high) & (clip_high > clip_low) & env.normalize
+    scaled = np.isfinite(clip_low) & np.isfinite(clip_high) & (clip_high > clip_low) & bool(env.normalize)
     low, high = np.where(scaled, clip_low, np.nan), np.where(scaled, clip_high, np.nan)
     windows, history, learned = np.zeros(n, dtype=np.bool_), 1, np.arange(m)
     space: Any = env.action_space
     physical = not env.normalize and form is None
     a_low, a_high, reach = env.action_low, env.action_high, 1.0
-    centre, formulation = (a_low + a_high) / 2, None
+    centre = env.model.action_nominal if env.normalize == NOMINAL else (a_low + a_high) / 2
+    formulation = None
     if form is not None:
         name = form.formulation.centre
         if name not in ("box", "nominal") and not name.startswith("constant:"):

@@ -11,10 +11,11 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from smpl.support.arguments import shorten
 
+P = ParamSpec("P")
 T = TypeVar("T")
 # Attribute of a function with the class of its options.
 KIND = "_options"
@@ -102,6 +103,18 @@ def expanded(
                 raise TypeError(f"the option {name!r} is given twice; change a copy by dataclasses.replace")
             keywords[name] = value
     return tuple(one for one in given if not isinstance(one, Options)), keywords
+
+
+def listed(method: Callable[P, T]) -> Callable[P, T]:
+    """Decorates a function so that an unknown keyword argument is answered by the valid ones."""
+    signature, who = inspect.signature(method), method.__qualname__.removesuffix(".__init__")
+
+    @functools.wraps(method)
+    def calling(*given: P.args, **named: P.kwargs) -> T:
+        check_keywords(who, signature, named)
+        return method(*given, **named)
+
+    return calling
 
 
 def check_keywords(

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Autoreset, BatchOptions};
 use crate::environment::{Environment, ResetError, ResetOptions, StepError, StepResult};
-use crate::observe::denormalise;
+use crate::observe::Normalisation;
 use crate::setup::Setup;
 use crate::solver::Integrator;
 use crate::steady::SteadyError;
@@ -139,7 +139,7 @@ impl Member {
             self.reset(None, &options.reset, integrator);
             return (0.0, false, false);
         }
-        let result = match self.take_step(action, options.normalised, integrator) {
+        let result = match self.take_step(action, options.normalisation, integrator) {
             Ok(result) => result,
             Err(error) => {
                 self.fault = Some(Fault::Step(error));
@@ -158,20 +158,25 @@ impl Member {
     }
 
     /// The action was checked.
-    fn take_step(&mut self, action: &[f64], normalised: bool, integrator: &mut Box<dyn Integrator>) -> Result<StepResult, StepError> {
-        if !normalised {
+    fn take_step(
+        &mut self,
+        action: &[f64],
+        normalisation: Normalisation,
+        integrator: &mut Box<dyn Integrator>,
+    ) -> Result<StepResult, StepError> {
+        if normalisation == Normalisation::Off {
             return self.environment.with_integrator(integrator, |environment| environment.step_checked(action));
         }
         let elements = self.environment.catalogue().actions.elements();
         for ((out, &value), element) in self.action.iter_mut().zip(action).zip(elements) {
-            *out = denormalise(value, element.low, element.high);
+            *out = normalisation.physical(value, element);
         }
         let action = &self.action;
         self.environment.with_integrator(integrator, |environment| environment.step_checked(action))
     }
 
     fn begin_anew(&mut self, options: &BatchOptions, integrator: &mut Box<dyn Integrator>) {
-        self.environment.observe(options.normalised, &mut self.final_observation);
+        self.environment.observe(options.normalisation.scales(), &mut self.final_observation);
         std::mem::swap(&mut self.info, &mut self.final_info);
         self.reset(None, &options.reset, integrator);
         self.ended = true;
