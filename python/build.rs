@@ -1,5 +1,5 @@
-//! Copies the models into the output folder, from where the wheel takes them into the package
-//! (`pyproject.toml`, `include`).
+//! Copies the models into the output folder, from which the wheel takes them (`include` of
+//! `pyproject.toml`).
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};

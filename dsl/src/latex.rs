@@ -9,7 +9,8 @@
 //!
 //! let parsed = parse("eq d/dt c_A = q/V * c_A", FileId(0));
 //! if let StatementKind::Equation { lhs, rhs, binders } = &parsed.file.statements[0].kind {
-//!     let expected = r"\frac{\mathrm{d} c_{\mathrm{A}}}{\mathrm{d} t} = \frac{q}{V} \, c_{\mathrm{A}}";
+//!     let rate = r"\frac{\mathrm{d} c_{\mathrm{A}}}{\mathrm{d} t}";
+//!     let expected = format!(r"{rate} = \frac{{q}}{{V}} \, c_{{\mathrm{{A}}}}");
 //!     assert_eq!(latex::equation(lhs, rhs, binders), expected);
 //! }
 //! ```

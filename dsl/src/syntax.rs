@@ -402,8 +402,7 @@ pub struct Flux {
 /// `reaction growth[z]: S + 2 O2 -> 1.1 X rate mu*X[z] "text"`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reaction {
-    /// Name and indices; the value is the rate, `rate[growth, z]` of an array where none is
-    /// written.
+    /// Name and indices; the value is the rate, by default `rate[growth, z]` of an array.
     pub declaration: Declaration,
     /// The rate is written.
     pub rated: bool,
@@ -485,8 +484,8 @@ pub enum ExprKind {
     Member(Box<Expr>, Ident),
     /// `c[i, z-1]`
     Index(Box<Expr>, Vec<Expr>),
-    /// `exp(x)`, `steady(x)`, `div(J)`; `i in solids` is a call of `in`, and `{ A: 1, B: 2 }` one
-    /// of [`BY_MEMBER`]
+    /// `exp(x)`, `steady(x)`, `div(J)`; `i in solids` is a call of `in`, and `{ A: 1, B: 2 }` is
+    /// a call of [`BY_MEMBER`]
     Call { function: Ident, arguments: Vec<Expr> },
     /// `sum(e for i in set, j in other if condition)`; function is sum, product, min, max, mean,
     /// any, all

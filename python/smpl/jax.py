@@ -125,8 +125,9 @@ def rollout(
     keeps.
 
     Args:
-        model: a compiled model, without a memory other than its states. One with dead times is integrated with its
-            derivatives over all steps at once: `actions` is an array then, and `checkpoint` has no effect.
+        model: a compiled model, without a memory other than its states. One with dead times is
+            integrated with its derivatives over all steps at once: `actions` is an array then, and
+            `checkpoint` has no effect.
         x: states at the start, (..., states).
         actions: (..., H, actions) in physical units; or a policy, called with the states and the
             number of the step, which returns actions (..., actions).

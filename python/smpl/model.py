@@ -387,7 +387,6 @@ class Model(Named):
         `previous(x)`, `steady(x)`) are constant as for `residual`; `linearize_step` has the
         derivatives of a whole step, in which they change.
 
-<<<<<<< HEAD
         Args:
             y: unknowns.
             u: actions.
@@ -398,11 +397,6 @@ class Model(Named):
             minimal: return only free states of a model whose states are projected to constraints,
                 `state_names` of the result; otherwise all states, with a mode that decays for each
                 constraint.
-=======
-        A model with dead times needs the order of their Padé approximations, `pade`, 1 to 5. The
-        states of these follow those of the model in A, B and C (`with_pade(pade).state_names`), and
-        rest at the point.
->>>>>>> ca610470 (environments: normalize="nominal", attributes of models, lists of arguments)
 
         Raises:
             SimulationError: the algebraic equations are singular there, or `pade` is missing.

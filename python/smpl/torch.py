@@ -125,8 +125,9 @@ def rollout(
     Jacobians. `checkpoint` also drops what a policy keeps, except at the beginning of each section.
 
     Args:
-        model: a compiled model, without a memory other than its states. One with dead times is integrated with its
-            derivatives over all steps at once: `actions` is a tensor then, and `checkpoint` has no effect.
+        model: a compiled model, without a memory other than its states. One with dead times is
+            integrated with its derivatives over all steps at once: `actions` is a tensor then, and
+            `checkpoint` has no effect.
         x: states at the start, (..., states).
         actions: (..., H, actions) in physical units; or a policy, called with the states and the
             number of the step, which returns actions (..., actions).

@@ -11,8 +11,8 @@ use smpl_runtime::environment::{ResetError, StepError};
 use smpl_runtime::setup::SetupError;
 use smpl_runtime::start::StartFailure;
 
-create_exception!(smpl, CompileError, PyException, "The model is at fault; `diagnostics` says where and why.");
-create_exception!(smpl, ScenarioError, PyValueError, "The scenario, a variant or a setting is at fault.");
+create_exception!(smpl, CompileError, PyException, "The model is invalid; `diagnostics` has places and reasons.");
+create_exception!(smpl, ScenarioError, PyValueError, "The scenario, a variant or a setting is invalid.");
 create_exception!(smpl, SimulationError, PyRuntimeError, "The equations could not be solved where there is no episode that could fail.");
 
 /// One finding of the compiler; positions are 1-based and count characters.
@@ -98,7 +98,7 @@ impl Diagnostic {
     }
 }
 
-/// The exception of a model at fault.
+/// The exception of an invalid model.
 pub fn compile_error(py: Python<'_>, diagnostics: Vec<Diagnostic>) -> PyErr {
     let with_notes = |d: &Diagnostic| {
         let notes = d.notes.iter().map(|note| format!("\n  note: {note}")).collect::<String>();

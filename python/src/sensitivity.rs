@@ -19,7 +19,7 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 type Cube<'py> = Bound<'py, PyArray3<f64>>;
 type Named<'py> = Vec<(String, PyReadonlyArrayDyn<'py, f64>)>;
 
-/// States, rewards, observations, a row a step of each point; their derivatives, rows by
+/// States, rewards, observations (a row per step of each point); their derivatives, rows by
 /// directions.
 pub type Results<'py> = (Matrix<'py>, Matrix<'py>, Matrix<'py>, Cube<'py>, Cube<'py>, Cube<'py>);
 

@@ -114,7 +114,7 @@ pub struct StructuralParameter {
 
 /// A parameter is given a value outside of its bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("parameter `{name}` = {value} lies outside of its bounds {low}..{high}{unit}{advice}")]
+#[error("parameter `{name}` = {value} is outside its bounds {low}..{high}{unit}{advice}")]
 pub struct OutsideBounds {
     /// Its name.
     pub name: String,
@@ -158,7 +158,7 @@ impl Element {
 /// Checks the values of all parameters, those that were drawn or computed too.
 ///
 /// # Errors
-/// [`OutsideBounds`] for the first that lies outside.
+/// [`OutsideBounds`] for the first that is outside.
 pub fn check_parameters(parameters: &Family, values: &[f64]) -> Result<(), OutsideBounds> {
     const ADVICE: &str = "; it was computed or drawn (`clip bounds` after a distribution keeps what is drawn inside)";
     let bounded = parameters.elements().iter().filter(|e| e.low.is_finite() || e.high.is_finite());

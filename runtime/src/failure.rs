@@ -315,13 +315,12 @@ pub fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-/// That a value lies outside of the bounds of its quantity, if it does: `h = 5 m lies outside of
-/// its bounds 0..1 m`.
+/// Message of a value outside the bounds of its quantity: `h = 5 m is outside its bounds 0..1 m`.
 pub fn beyond(element: &Element, value: f64) -> Option<String> {
     let unit = unit_suffix(&element.unit);
     let (low, high) = (element.low, element.high);
     let outside = !Quantity::admits(low, high, value);
-    outside.then(|| format!("{} = {}{unit} lies outside of its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
+    outside.then(|| format!("{} = {}{unit} is outside its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
 }
 
 /// Slack of a box: a value may exceed a bound by this part of the range.

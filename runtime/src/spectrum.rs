@@ -4,15 +4,15 @@
 //! does not act upstream. Four measures make the QR iteration safe and quick for them:
 //!
 //! * the strongly connected parts of the pattern (Tarjan, SIAM J. Comput. 1 (1972) 146-160) are the
-//!   diagonal blocks of a block triangular form, which has the same eigenvalues: a reactor of 1700
+//!   diagonal blocks of a block triangular form, which has the same eigenvalues. A reactor of 1700
 //!   cells in a row has blocks of a few species;
 //! * each block is scaled so that states that act on each other do so about equally. A bed in which
 //!   convection outweighs dispersion is similar to a symmetric matrix by factors that grow from
 //!   cell to cell, without which rounding moves its eigenvalues by percents;
 //! * each block is balanced by powers of two (Parlett and Reinsch, Numer. Math. 13 (1969) 293-304);
-//! * Arnoldi's method on the inverse finds only the eigenvalues nearest to zero, which decide on
-//!   stability, of a block with more than [`DENSE`] states (Saad, Numerical Methods for Large
-//!   Eigenvalue Problems, chapter 6). [`Spectrum::omitted`] counts the others.
+//! * a block with more than [`DENSE`] states is treated by Arnoldi's method on its inverse (Saad,
+//!   Numerical Methods for Large Eigenvalue Problems, chapter 6). It finds only the eigenvalues
+//!   nearest to zero, which decide on stability; [`Spectrum::omitted`] counts the others.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 use smpl_compiler::graph::connected;

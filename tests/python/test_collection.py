@@ -551,7 +551,7 @@ def test_a_policy_file_that_cannot_be_read_is_named(name, tmp_path, monkeypatch)
 def test_starts_outside_of_their_bounds_are_told(tmp_path):
     table = tmp_path / "starts.csv"
     table.write_text("h,T\n0.5,40\n0.6,250\n0.7,-10\n")
-    with pytest.warns(UserWarning, match=r"table starts.csv: T lies .* in 2 of 3 starts, first 250") as told:
+    with pytest.warns(UserWarning, match=r"table starts.csv: T is .* in 2 of 3 starts, first 250") as told:
         Starts.of(table, smpl.Env("reactor"), 3)
     assert len(told) == 1
 

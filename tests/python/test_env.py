@@ -381,7 +381,7 @@ def test_seeds_of_any_length_are_told_apart(reactor):
         ({"state": {"h": "x"}}, r"options\['state'\]\['h'\] is 'x', expected a number"),
         ({"state": {"h": [0.5]}}, r"options\['state'\]\['h'\] is \[0\.5\], expected a number"),
         ({"parameters": {"U": None}}, r"options\['parameters'\]\['U'\] is None, expected a number"),
-        ({"parameters": {"r": 100}}, r"`r` = 100 lies outside of its bounds 0\.05\.\.5"),
+        ({"parameters": {"r": 100}}, r"`r` = 100 is outside its bounds 0\.05\.\.5"),
         ({"state": [[1.0]]}, r"shape \(1, 1\), expected \(3,\)"),
     ],
 )
@@ -434,7 +434,7 @@ def test_files_of_the_working_folder_are_not_taken_for_shipped_models(tmp_path, 
 
 def test_a_parameter_in_an_equation_keeps_to_its_range(reactor_model):
     y, u = [0.8, 50.0, 0.6], [26.85, 0.1]
-    with pytest.raises(ValueError, match="lies outside of its bounds"):
+    with pytest.raises(ValueError, match="is outside its bounds"):
         reactor_model.rhs(0.0, y, u, {"r": 100})
     with pytest.raises(ValueError, match=r"p\['r'\] is 'x', expected a number"):
         reactor_model.rhs(0.0, y, u, {"r": "x"})

@@ -65,8 +65,8 @@ def test_arrays_of_parameters_are_set_as_wholes_and_by_element(setting, rate):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"k": 5}, "lies outside of its bounds"),
-        ({"fault[3]": 2}, "lies outside of its bounds"),
+        ({"k": 5}, "is outside its bounds"),
+        ({"fault[3]": 2}, "is outside its bounds"),
         ({"fault": [0, 1]}, "3 elements"),
         ({"fault[4]": 1}, r"fault\[1\], fault\[2\], fault\[3\]"),
         ({"F": 0.3}, "is an action"),
@@ -86,9 +86,9 @@ def test_a_setting_that_the_model_cannot_have_is_refused(settings, said):
 )
 def test_ranges_of_parameters_hold_at_resets_and_in_equations(parameters):
     env = make()
-    with pytest.raises(ValueError, match="lies outside of its bounds"):
+    with pytest.raises(ValueError, match="is outside its bounds"):
         env.reset(seed=0, options={"parameters": parameters})
-    with pytest.raises(ValueError, match="lies outside of its bounds"):
+    with pytest.raises(ValueError, match="is outside its bounds"):
         env.model.rhs(0.0, [10.0], [1.0], parameters)
 
 

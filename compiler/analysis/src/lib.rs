@@ -7,7 +7,8 @@
 //! | [`token`] | words, numbers and signs of a text, also where no statement can be parsed |
 //! | [`program`] | a file with its imports: trees, symbols, and where each symbol occurs |
 //! | [`check`] | diagnostics, and units and values that the compiler derived |
-//! | [`hover`], [`complete`], [`rename`], [`actions`], [`outline`], [`hints`], [`signature`], [`equations`] | one question each |
+//! | [`hover`], [`complete`], [`rename`], [`actions`] | one question each |
+//! | [`outline`], [`hints`], [`signature`], [`equations`] | likewise |
 //! | [`scenario`] | scenario files: keys that name symbols of a model |
 //!
 //! A [`program::Program`] is made of the syntax trees alone, within milliseconds, and answers

@@ -440,7 +440,7 @@ impl Resolver<'_> {
             ExprKind::Call { function, arguments } => {
                 match self.find(&function.text) {
                     Some(symbol) => self.use_of(function.span, symbol),
-                    // Forms of their own, without a function's name.
+                    // Special forms, without a function's name.
                     None if matches!(function.text.as_str(), "in" | BY_MEMBER) => {}
                     None => self.undeclared(function),
                 }

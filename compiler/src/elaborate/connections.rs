@@ -248,8 +248,7 @@ impl Member {
         defined.extend(own.and_then(|own| variable(l, own)));
     }
 
-    /// The sum of the flows but for one, each with its sign times `factor`, in the unit of a
-    /// symbol.
+    /// The sum of the flows except one, each with its sign times `factor`, in a symbol's unit.
     fn sum(&self, l: &mut Lowering<'_, '_>, at: Affine, (unit_of, factor): (SymbolId, f64), without: Option<SymbolId>) -> Option<ExprId> {
         let SymbolKind::Variable { unit: wanted, .. } = l.symbols[unit_of].kind.clone() else { return None };
         let mut sum = None;
@@ -309,8 +308,11 @@ fn join(l: &mut Lowering<'_, '_>, [source, target]: [SymbolId; 2], ports: [Scope
     }
 }
 
+/// An address, with the lengths of the loops that it runs in.
+type Looped = (Vec<u32>, Affine);
+
 /// Elements of a member, in loops if they are many or cells; and whether they run over sets.
-fn addresses(l: &Lowering<'_, '_>, symbol: SymbolId) -> Option<(Vec<(Vec<u32>, Affine)>, bool)> {
+fn addresses(l: &Lowering<'_, '_>, symbol: SymbolId) -> Option<(Vec<Looped>, bool)> {
     let SymbolKind::Variable { var, axes, .. } = &l.symbols[symbol].kind else { return None };
     let len = i64::from(l.symbols.vars[*var].len);
     let sets = axes.iter().all(|a| matches!(a, Axis::Set(_)));

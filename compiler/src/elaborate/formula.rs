@@ -75,7 +75,7 @@ impl Reader<'_> {
         (length <= 3).then(|| element.to_owned())
     }
 
-    /// The number behind an element or a group; 1 where there is none.
+    /// The number behind an element or a group; 1 if omitted.
     fn number(&mut self) -> Option<f64> {
         let length = self.rest.bytes().take_while(|b| b.is_ascii_digit() || *b == b'.').count();
         let (number, rest) = self.rest.split_at(length);

@@ -18,7 +18,7 @@ pub struct Options {
     pub settings: BTreeMap<String, Setting>,
     /// Replacements of initial values: `name -> text of an expression` from a scenario.
     pub initial: BTreeMap<String, f64>,
-    /// Data that disturbances follow in place of their own files, by their paths.
+    /// Data that disturbances follow instead of their files, by their paths.
     pub measured: BTreeMap<String, Given>,
     /// Observation level; `None` is `default`.
     pub observation: Option<String>,
@@ -49,7 +49,7 @@ pub enum Setting {
     List(Vec<f64>),
 }
 
-/// Data of a disturbance that replace those of its own file.
+/// Data of a disturbance that replace those of its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Given {
     /// The data.

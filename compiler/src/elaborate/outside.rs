@@ -127,11 +127,11 @@ fn admits(quantity: &Quantity, i: usize, x: f64) -> bool {
     Quantity::admits(quantity.least(i), Quantity::pick(&quantity.high, i), x)
 }
 
-/// `k = 5 lies outside of its bounds 0..2 1/min`.
+/// `k = 5 is outside its bounds 0..2 1/min`.
 fn outside_bounds(quantity: &Quantity, i: usize, x: f64) -> String {
     let (low, high) = (quantity.least(i), Quantity::pick(&quantity.high, i));
     let unit = if quantity.unit == "1" { String::new() } else { format!(" {}", quantity.unit) };
-    format!("`{}` = {x} lies outside of its bounds {low}..{high}{unit}", quantity.element_name(i))
+    format!("`{}` = {x} is outside its bounds {low}..{high}{unit}", quantity.element_name(i))
 }
 
 /// Available names, cut after some.

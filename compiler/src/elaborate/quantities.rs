@@ -215,7 +215,7 @@ impl Ledger {
         } else if nominal.iter().enumerate().any(|(i, &x)| x < Quantity::pick(low, i) || x > Quantity::pick(high, i)) {
             self.report(Diagnostic::warning(
                 codes::BAD_SETTING,
-                format!("the nominal value of `{path}` lies outside its bounds"),
+                format!("the nominal value of `{path}` is outside its bounds"),
                 d.name.span,
             ));
         }

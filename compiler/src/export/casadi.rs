@@ -16,7 +16,7 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     let module = Module::new(model, nominal, Library::Casadi)?;
     let kind = if module.size <= LARGEST_OF_SCALARS { "SX" } else { "MX" };
     let mut text = module.head(origin, ABOUT, "import casadi as ca");
-    let _ = writeln!(text, "# What the functions are made of, unless `build` is told otherwise.\nKIND = \"{kind}\"\n");
+    let _ = writeln!(text, "# Default kind of the symbols of the functions.\nKIND = \"{kind}\"\n");
     text += &module.lists.print(str::to_owned);
     text += HELPERS;
     text += &defined(|own| own.casadi);
@@ -34,7 +34,7 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
 const ABOUT: &str =
     "`build()` makes the functions: of column vectors x (states), z (algebraic variables), u (actions), p (parameters, discrete
 variables, disturbances, and time last where the model depends on it), dx (rates of x), c (what functions of a whole step
-need beside). The tables below name the elements of each.
+need in addition). The tables below name the elements of each.
 ";
 
 const HELPERS: &str = r#"

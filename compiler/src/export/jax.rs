@@ -30,7 +30,7 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
 
 const ABOUT: &str =
     "Pure functions of time t and of vectors x (states), z (algebraic variables), u (actions), p (parameters, discrete variables,
-disturbances), dx (rates of x), c (what functions of a whole step need beside), to be jitted, mapped over batches and
+disturbances), dx (rates of x), c (what functions of a whole step need in addition), to be jitted, mapped over batches and
 differentiated. The tables below name the elements of each. They compute in the precision of their arguments:
 `jax.config.update(\"jax_enable_x64\", True)` before any of them for double precision.
 ";

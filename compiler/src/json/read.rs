@@ -115,7 +115,7 @@ fn check_roles(root: &At<'_>, model: &Model) -> Result<(), ReadError> {
     let i = &model.interface;
     let integrals = root.field("integrals")?.items()?.len();
     let sizes = [
-        (Role::Builtin, BUILTIN_COUNT as usize, "what the runtime tells"),
+        (Role::Builtin, BUILTIN_COUNT as usize, "values of the runtime"),
         (Role::Draw, i.draws.len(), "the random numbers (`draws`)"),
         (Role::Quadrature, integrals, "the `integrals`"),
         (Role::Delayed, DELAY_SLOTS as usize * model.delayed(), "the `delays`"),

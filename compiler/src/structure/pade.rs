@@ -1,8 +1,8 @@
-//! Padé approximations in place of delays, on request.
+//! Padé approximations instead of delays, on request.
 //!
-//! With a dead time θ the value d of v a dead time ago has the transfer function exp(-θs), of which
-//! the approximation of order n is N(θs)/D(θs), D(σ) = Σ cₖ σᵏ and N(σ) = D(-σ). With aₖ = cₖ/cₙ
-//! and states zᵢ of the size of v: d = zₙ + (-1)ⁿ v and θ zᵢ' = aᵢ₋₁/aᵢ (zᵢ₋₁ - d + (-1)ⁱ⁻¹ v),
+//! The value d of v a dead time θ ago has the transfer function exp(-θs). Its approximation of
+//! order n is N(θs)/D(θs) with polynomials D(σ) = Σ cₖ σᵏ and N(σ) = D(-σ). States zᵢ of the size
+//! of v and aₖ = cₖ/cₙ realise it: d = zₙ + (-1)ⁿ v and θ zᵢ' = aᵢ₋₁/aᵢ (zᵢ₋₁ - d + (-1)ⁱ⁻¹ v),
 //! where z₀ = 0. At rest zᵢ is 0 or 2 v.
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
@@ -12,7 +12,7 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Affine, DELAY_SLOTS, DelaySlot, Expr, ExprId, Flavour, Nest, Place, Rewritten, Role, Store, Target, VarId};
 use crate::model::{Axis, Delay, Model, Quantity, Variable};
 
-/// A delayed expression, with its variables in place of it.
+/// A delayed expression, with the variables that replace it.
 struct Section {
     about: Delay,
     loops: Vec<(u8, u32)>,

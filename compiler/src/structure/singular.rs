@@ -211,7 +211,7 @@ fn report(model: &Model, part: &[usize], rows: &[&Row], unknowns: &[Unknown]) ->
     let names: Vec<String> = part.iter().take(SHOWN).map(name).collect();
     let more = if part.len() > SHOWN { format!(" and {} more", part.len() - SHOWN) } else { String::new() };
     let message = match names.as_slice() {
-        [name] => format!("the equation of {name} holds for any value of it or for none: it drops out of its own loop"),
+        [name] => format!("the equation of {name} holds for any value of it or for none: it drops out of its loop"),
         _ => format!("the equations of {}{more} hold for many values or for none: their loop is singular", names.join(", ")),
     };
     let first = part.first().map(|&i| rows[i].span).unwrap_or_default();

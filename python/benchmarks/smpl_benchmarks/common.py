@@ -1,4 +1,4 @@
-"""Rows of a table on the same test episodes: training seed k on block k, the first episodes of it for every row."""
+"""Rows of a table on the same test episodes: training seed k on the first episodes of block k."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class Row:
 
     Attributes:
         suite, controller: which one.
-        returns: (seeds, episodes); seed k of an algorithm is its k-th training, of a controller its k-th block.
+        returns: (seeds, episodes); seed k of an algorithm is its k-th training, of a controller its
+            k-th block.
         starts: seed of the first episode of each block.
         arguments: of the environment.
         results: the runs.
@@ -102,14 +103,15 @@ def differences(row: Row, other: Row) -> FloatArray:
 def reference_of(rows: Sequence[Row]) -> Row:
     """The highest return of any row on each episode.
 
-    It is a reference, not a bound: each method is local or approximate, and a new method can exceed it.
+    It is a reference, not a bound: each method is local or approximate, and a new method can
+    exceed it.
     """
     best = np.max([row.returns for row in rows], axis=0)
     return Row("control", "reference", best, rows[0].starts, rows[0].arguments)
 
 
 def validated(row: Row) -> float | None:
-    """Mean reward of a step on the validation episodes, averaged over the seeds; None if there was no validation."""
+    """Mean reward of a step on the validation episodes over all seeds; None without validation."""
     found = []
     for one in row.results:
         curve = [float(point["mean"]) for point in one.curve]

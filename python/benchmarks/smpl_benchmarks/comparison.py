@@ -1,4 +1,4 @@
-"""Comparison of the rows of each process on the same test episodes, selected on validation episodes."""
+"""Comparison of rows on the same test episodes; rows are selected on validation episodes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from smpl_benchmarks.subjects import SUBJECTS
 
 LEARNED = ("offline", "online")
 THRESHOLDS = (0.0, 0.25, 0.5, 0.75, 1.0)
-# A row that no selection takes: the reference looks at the test episodes, random actions are a floor.
+# Rows that are never selected: the reference uses the test episodes, random actions are a floor.
 _NEVER_SELECTED = ("reference", "random")
 
 
@@ -44,8 +44,8 @@ class Comparison:
         env: its name.
         rows: on the common test episodes.
         left: rows without these episodes, and what they lack.
-        references: rows on the first episodes of each block, those of slow controllers included; the last is
-            `reference`, the highest return of any control on each episode.
+        references: rows on the first episodes of each block, those of slow controllers included;
+            the last is `reference`, the highest return of any control on each episode.
     """
 
     env: str
@@ -59,7 +59,7 @@ class Comparison:
         return _named(self.rows, "nominal")
 
     def selected(self, suites: Sequence[str]) -> Row | None:
-        """The row of some suites with the highest reward of a step in validation; None without validation."""
+        """The row of the suites with the highest reward of a step in validation, if any."""
         scored = [(validated(row), row) for row in self.rows if row.suite in suites]
         known = [(value, row) for value, row in scored if value is not None and row.controller not in _NEVER_SELECTED]
         return max(known, key=lambda pair: pair[0])[1] if known else None
@@ -108,7 +108,7 @@ def compared(results: Iterable[Result]) -> list[Comparison]:
 
 @dataclass(frozen=True)
 class Claim:
-    """Learned policy and control that validation selects, and their difference on the test episodes.
+    """Learned policy and control selected by validation, and their difference in the test.
 
     Attributes:
         learned, control: the rows.
@@ -146,7 +146,10 @@ def better_than(one: Comparison, control: Row) -> list[tuple[Row, int]]:
 
 
 def normalised(every: Sequence[Comparison]) -> dict[str, FloatArray]:
-    """Gain over the nominal policy in units of the reference's gain, (seeds, processes), for rows of all processes."""
+    """Gain over the nominal policy in units of the reference's gain, (seeds, processes).
+
+    Only rows that all processes have.
+    """
     found = {}
     for suite, name in _everywhere(every):
         columns = [gains(_named(one.rows, name, suite), one.nominal) / one.reference_gain for one in every]
@@ -160,7 +163,7 @@ def _everywhere(every: Sequence[Comparison]) -> list[tuple[str, str]]:
 
 
 def aggregate(every: Sequence[Comparison], rival: str = "constant") -> list[dict[str, Any]]:
-    """Interquartile mean with interval, performance profile, and probability of improvement over a control.
+    """Interquartile means with intervals, performance profiles, probabilities of improvement.
 
     Processes whose reference gains nothing have no unit and are left out.
     """

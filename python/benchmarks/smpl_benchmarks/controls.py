@@ -1,8 +1,8 @@
 """Controls that are rivals of learned policies.
 
-A control with numbers is tuned by a search over them: the mean return on training starts, which neither validation nor
-test episodes use. `controls.json` has the numbers that were found, with the budget of the search;
-`python -m smpl.benchmark controls --env ENV` makes them again.
+A search tunes the numbers of a control by the mean return on training starts, which neither
+validation nor test episodes use. `controls.json` has the best numbers, with the budget of the
+search; `python -m smpl.benchmark controls --env ENV` makes them again.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _box(names: Sequence[str]) -> dict[str, Any]:
 
 
 def _recipe(moves: int) -> Make:
-    """An open-loop recipe: each action is constant over equal parts of the episode; numbers are shares of the box."""
+    """An open-loop recipe, constant in equal parts of an episode; numbers are shares of a box."""
 
     def make(task: Task, point: FloatArray) -> OpenLoop:
         low, high = task.model.native.bounds("action")
@@ -103,7 +103,7 @@ def _moves(actions: Sequence[str], moves: int) -> dict[str, Any]:
 
 
 def _reactor_loops(task: Task, point: FloatArray) -> Loops:
-    """PI of the temperature by the jacket, PI of the level by the outflow; times as powers of ten."""
+    """PI of temperature by the jacket and of level by the outflow; times as powers of ten."""
     temperature = PID("T", "T_c", float(point[0]), 10.0 ** float(point[1]))
     level = PID("h", "q_out", float(point[2]), 10.0 ** float(point[3]))
     return Loops(temperature, level)
@@ -134,7 +134,7 @@ def _feedback(task: Task, point: FloatArray) -> Feedback:
 
 
 def _pensim_recipe(task: Task, point: FloatArray) -> OpenLoop:
-    """The recipe with its 56 values moved by up to a tenth; the feed of the precursor stays nominal."""
+    """The recipe, its 56 values moved by up to a tenth; the feed of the precursor stays nominal."""
     recipe = Recipe(task.model)
     width = (recipe.high - recipe.low) / 2
     whole = np.append(np.asarray(point), 0.0)
@@ -142,7 +142,7 @@ def _pensim_recipe(task: Task, point: FloatArray) -> OpenLoop:
 
 
 def _sampled(share: float, **options: Any) -> Make:
-    """Sampling MPC around the actions of the nominal policy; standard deviations are shares of the action box."""
+    """Sampling MPC around the nominal policy; standard deviations are shares of the action box."""
 
     def built(env: Env) -> SamplingMPC:
         width = share * (env.action_high - env.action_low)
@@ -269,7 +269,7 @@ CONTROLS: dict[str, dict[str, Control]] = {
 
 
 def known(env: str) -> dict[str, Control]:
-    """Controls of an environment that can be run: those that are not tuned, and those with numbers."""
+    """Available controls of an environment: those that are not tuned, and those with numbers."""
     numbers = tuned().get(env, {})
     return {name: one for name, one in CONTROLS.get(env, {}).items() if not one.names or name in numbers}
 

@@ -132,19 +132,22 @@ def as_observed(task: Task, train: Mapping[str, Any]) -> Task:
 
 
 def _form(task: Task, settings: Mapping[str, Any]) -> Form | None:
-    """What the data set and its policy are formulated in, none where they have the environment's own actions."""
+    """Formulation of the data set and its policy; None if they have the environment's actions."""
     return Form(Formulation.of(settings["formulation"]), task.env()) if inside_formulation(settings) else None
 
 
 def inside_formulation(settings: Mapping[str, Any]) -> bool:
-    """Whether a data set is of the centre of its formulation, so that policies have its actions and observations."""
+    """True for a data set of the centre of its formulation.
+
+    Policies then have the actions and observations of the formulation.
+    """
     return bool(settings["data"]["controller"] == "centre")
 
 
 def _data_set(
     task: Task, arguments: Mapping[str, Any], settings: Mapping[str, Any], data: Path, workers: int | None
 ) -> Any:
-    """The data set of the offline suite; the controller `centre` is that of the formulation, with noise inside."""
+    """The data set of the offline suite; `centre` is the formulation's controller, with noise."""
     from smpl.datasets import collect
 
     chosen = {key: settings["data"][key] for key in ("controller", "noise", "episodes")}
@@ -164,7 +167,7 @@ def _data_set(
 
 
 def validator(task: Task, episodes: int, workers: int | None, seed: int = _VALIDATION) -> Validate:
-    """What scores a policy on episodes from `seed` on."""
+    """A function that scores a policy on the episodes from `seed` on."""
 
     def validate(policy: Any) -> tuple[float, float, int]:
         found = score(Plan.of(task, policy, episodes, seed=seed), workers, kept=0)

@@ -1,7 +1,7 @@
-"""Rewards of a step that the paper of 2022 prints: mean and deviation over all steps of all episodes.
+"""Rewards of a step in the paper of 2022: mean and deviation over all steps of all episodes.
 
-The paper has 81 rows of learned policies. `LEARNED` has those whose figures are known here; figures are added to it
-only from the paper's own tables.
+The paper has 81 rows of learned policies. `LEARNED` has those whose figures are known here; figures
+are added to it only from the paper's tables.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Recipes of the published data sets: arguments of `python -m smpl.collect` by environment and quality."""
+"""Recipes of the published data sets: arguments of `smpl.collect` by environment and quality."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-# Data sets have seeds of their own, apart from those of training, validation and test episodes.
+# Seeds of data sets differ from those of training, validation and test episodes.
 SEED = 900_000_000
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a data set is collected.
+    """Arguments of the collection of a data set.
 
     Attributes:
         env: name of the environment.
@@ -63,7 +63,7 @@ _NO_RANDOM = "random actions end an episode of this process in its first step: t
 def _four(
     env: str, medium: str, expert: str, episodes: int, noise: float, arguments: Mapping[str, Any], about: str = ""
 ) -> list[Recipe]:
-    """The four qualities: uniform actions, a baseline with noise, the best control by name, and half of each."""
+    """The four qualities: random actions, a baseline with noise, the best control, half of each."""
     if about:
         first = Recipe(env, "random", ("nominal",), episodes, noise / 2, 0.0, "", arguments, about)
     else:

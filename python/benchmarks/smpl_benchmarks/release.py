@@ -1,7 +1,8 @@
-"""`python -m smpl.benchmark release --env ENV --quality QUALITY --out DIR`: a data set with all that a release needs.
+"""`python -m smpl.benchmark release --env ENV --quality QUALITY --out DIR`: release of a data set.
 
-The folder gets the episodes (Parquet, `smpl.collect`), a Minari data set in `minari/`, Croissant metadata
-(`croissant.json`), a data sheet (`DATASHEET.md`), the licence (`LICENSE`) and checksums (`SHA256SUMS`).
+The folder gets the episodes (Parquet, `smpl.collect`), a Minari data set in `minari/`, Croissant
+metadata (`croissant.json`), a data sheet (`DATASHEET.md`), the licence (`LICENSE`) and checksums
+(`SHA256SUMS`).
 """
 
 from __future__ import annotations
@@ -206,7 +207,7 @@ def _purpose(recipe: Recipe) -> str:
 
 
 def datasheet(recipe: Recipe, dataset: Dataset) -> str:
-    """Data sheet: motivation, composition, collection, uses, distribution, maintenance, as Markdown."""
+    """Data sheet (Markdown): motivation, composition, collection, uses, distribution, upkeep."""
     steps = np.array([one.steps for one in dataset])
     returns = np.array([one.total for one in dataset])
     failures = sum(bool(one.failure) for one in dataset)

@@ -1,9 +1,10 @@
 """Statistics over training seeds: scores are matrices (runs, tasks), one column per process.
 
-Definitions of R. Agarwal et al., Deep reinforcement learning at the edge of the statistical precipice (NeurIPS 2021),
-as in the package `rliable`: the interquartile mean is that of all entries, a bootstrap replicate draws runs with
-replacement within each task, a performance profile is the share of entries above a threshold, and the probability of
-improvement is the Mann-Whitney statistic of each task, averaged over tasks.
+Definitions follow R. Agarwal et al., Deep reinforcement learning at the edge of the statistical
+precipice (NeurIPS 2021), as in the package `rliable`. The interquartile mean is that of all
+entries. A bootstrap replicate draws runs with replacement within each task. A performance profile
+is the share of entries above a threshold. The probability of improvement is the Mann-Whitney
+statistic of each task, averaged over tasks.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def performance_profile(scores: npt.ArrayLike, thresholds: Sequence[float]) -> F
 
 
 def improvement(scores: npt.ArrayLike, others: npt.ArrayLike) -> float:
-    """Probability that a run of `scores` is above a run of `others` on the same task, averaged over the tasks."""
+    """Probability that a run of `scores` is above a run of `others`, averaged over the tasks."""
     first, second = _matrix(scores), _matrix(others)
     if first.shape[1] != second.shape[1]:
         raise ValueError(f"scores have {first.shape[1]} and {second.shape[1]} tasks, expected the same tasks")
@@ -47,7 +48,7 @@ def stratified_bootstrap(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> Interval:
-    """Percentile interval of a statistic; each replicate draws runs with replacement within each task.
+    """Percentile interval of a statistic, by a bootstrap of the runs within each task.
 
     Args:
         scores: shape (runs, tasks); a vector is one task.
@@ -66,7 +67,7 @@ def stratified_bootstrap(
 
 
 def student(values: npt.ArrayLike) -> Interval:
-    """95 % interval of the mean of independent normal values by Student's distribution; infinite for one value."""
+    """95 % interval of a mean by Student's distribution; infinite for one value."""
     array = np.asarray(values, dtype=np.float64)
     if len(array) < 2:
         return -math.inf, math.inf
@@ -78,7 +79,8 @@ def student(values: npt.ArrayLike) -> Interval:
 def supported(differences: npt.ArrayLike) -> int:
     """Sign of a mean difference if both intervals over seeds exclude zero, otherwise 0.
 
-    A bootstrap of three seeds cannot leave their range and is too narrow; Student's interval is required as well.
+    A bootstrap of three seeds cannot leave their range and is too narrow; Student's interval is
+    required as well.
     """
     intervals = (stratified_bootstrap(differences), student(differences))
     if all(low > 0 for low, _ in intervals):

@@ -1,4 +1,4 @@
-"""What the benchmark runs: environments with their controllers, and runs by suite, budget and seed."""
+"""Environments of the benchmark with their controllers, and runs by suite, budget and seed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Subject:
         arguments: of the environment.
         controllers: names; the published mean and deviation over steps, where the paper has them.
         episodes: a run of each budget.
-        few: episodes of the budget `short` of controllers whose decisions take long; they are the first of the others'.
+        few: episodes of slow controllers in the budget `short`; they are the first of the others'.
         validation: episodes on which rows are selected.
         steps: of a whole episode, where these are fewer than those of `smoke`.
     """
@@ -98,7 +98,7 @@ SUBJECTS = {
     ),
     "MAbPlant": Subject({}, {"full_information": None, "nominal": None}, _LONG, {"full_information": 1}, validation=1),
 }
-# Episodes of a model of somebody's own.
+# Episodes of a user's model.
 _OWN = {"smoke": 4, "short": 50, "paper": 500}
 
 
@@ -107,7 +107,7 @@ class Run:
     """One run: all that its scores are a function of.
 
     Attributes:
-        model: path or id where `env` is no process of the package. It says where, not what: `described` leaves it out.
+        model: path or id if `env` is not a process of the package; `described` leaves it out.
         track: see `smpl_benchmarks.tracks`.
     """
 
@@ -128,7 +128,7 @@ class Run:
         return Task.of(self.model or f"smpl/{self.env}-v0", **self.arguments)
 
     def described(self) -> dict[str, Any]:
-        """What says which run it is, the same wherever the files lie."""
+        """Description that identifies the run, independent of the place of its files."""
         apart = ("model", "track") if self.track == tracks.RESIDUAL else ("model",)
         return {key: value for key, value in asdict(self).items() if key not in apart}
 
@@ -143,7 +143,7 @@ class Run:
         return f"{self.part}/{self.env}/{self.controller}/seed-{self.number}"
 
     def folder(self, out: Path) -> Path:
-        """Where it is kept."""
+        """Its folder."""
         return out / self.name
 
 
@@ -160,7 +160,8 @@ def runs(
 
     Args:
         suite, budget, seeds: see `smpl.benchmark`.
-        env: a process of the package or of `config`, the path of a model, an id, or several; all processes if none.
+        env: a process of the package or of `config`, the path of a model, an id, or several; all
+            processes if none.
         algorithms: names of controllers and algorithms; all if empty.
         config: a YAML file over the configuration of the package.
         track: of learned policies, see `smpl_benchmarks.tracks`.
@@ -180,8 +181,8 @@ def runs(
             _check_collecting(given["processes"].get(name, {}), place or f"smpl/{name}-v0", arguments)
     for part in chosen:
         for name, (place, arguments) in places.items():
-            beside = given["processes"].get(name, {}).get("controllers", {})
-            subject = SUBJECTS[name] if not place else _subject(place, arguments, beside)
+            further = given["processes"].get(name, {}).get("controllers", {})
+            subject = SUBJECTS[name] if not place else _subject(place, arguments, further)
             rivals = controls.known(name) if not place and budget != "smoke" else {}
             listed = [*subject.controllers, *rivals] if part == "control" else configuration.algorithms(given, part)
             known |= set(listed)
@@ -194,7 +195,7 @@ def runs(
                     elif one in rivals:
                         settings = controls.settings(name, one)
                     else:
-                        settings = _of_ones_own(str(beside[one]), place, arguments) if one in beside else {}
+                        settings = _of_ones_own(str(further[one]), place, arguments) if one in further else {}
                     about = (part, budget, name, one)
                     way = tracks.RESIDUAL if part == "control" else track
                     found += [_run(about, subject, number, settings, place, way) for number in range(count)]
@@ -209,7 +210,7 @@ Place = tuple[str, dict[str, Any]]
 def _places(
     env: str | Sequence[str] | None, config: str | os.PathLike[str] | None, learned: bool
 ) -> tuple[dict[str, Any], dict[str, Place]]:
-    """The configuration; and what is run by its name: where its model is, empty for the package's, and arguments."""
+    """The configuration; and by process the model's path (empty: package) and arguments."""
     wanted = [_plain(one) for one in ([env] if isinstance(env, str) else env or ())]
     files = {one: Task.of(one).model.name for one in wanted if one not in SUBJECTS and _is_place(one)}
     given = configuration.read(config, own=files.values()) if learned or config is not None else {"processes": {}}
@@ -232,7 +233,7 @@ def _places(
 
 
 def _plain(env: str) -> str:
-    """The name of a process of the package, of its id or file too; all else as it is."""
+    """The name of a process of the package, of its id or file too; other text is unchanged."""
     env = env.removeprefix("smpl/").removesuffix("-v0")
     return {file: name for name, file in ENVIRONMENTS.items()}.get(env, env)
 
@@ -255,37 +256,37 @@ def _place_of(env: str, label: str, known: Mapping[str, Place]) -> Place:
 
 
 def _is_place(env: str) -> bool:
-    """Whether it is a path or an id, and no name of a process."""
+    """True for a path or an id, false for the name of a process."""
     return Path(env).exists() or bool(Path(env).suffix) or "/" in env or ":" in env or env in gymnasium.registry
 
 
 def _absolute(model: str, folder: Path) -> str:
-    """The path of a model as workers find it; an id or a name as it is."""
+    """The path of a model as workers find it; an id or a name is unchanged."""
     return str((folder / model).resolve()) if (folder / model).exists() else model
 
 
-def _subject(model: str, arguments: Mapping[str, Any], beside: Mapping[str, Any]) -> Subject:
-    """A model of somebody's own: what every model has, the policies that it declares, and controllers beside them."""
+def _subject(model: str, arguments: Mapping[str, Any], further: Mapping[str, Any]) -> Subject:
+    """A user's model, with general controllers, its declared policies and further controllers."""
     task = Task.of(model, **arguments)
     own = names(task.model)
-    for one in beside:
+    for one in further:
         if one in own:
             raise ValueError(
                 f"controllers: {one!r} is of {task.model.name} already ({', '.join(own)}): give yours another name"
             )
-    known = dict.fromkeys([*own, *beside])
+    known = dict.fromkeys([*own, *further])
     return Subject(dict(arguments), known, _OWN, steps=task.env().max_steps)
 
 
 def _check_collecting(process: Mapping[str, Any], model: str, arguments: Mapping[str, Any]) -> None:
-    """Refuse a controller of a data set that there is not; the one of a formulation is made with it."""
+    """Refuse an unknown controller of a data set; the one of a formulation is made with it."""
     controller = process.get("data", {}).get("controller", "centre")
     if controller != "centre":
         agent(controller, Task.of(model, **arguments).model)
 
 
 def _of_ones_own(controller: str, model: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """A controller of a configuration: how it is called there, and what it is today, its code included."""
+    """A controller of a configuration: its name there, and its identity, its code included."""
     chosen = agent(controller, Task.of(model, **arguments).model)
     text = json.dumps(described(chosen), sort_keys=True)
     return {"controller": controller, "identity": hashlib.sha256(text.encode()).hexdigest()[:16]}
@@ -302,6 +303,6 @@ def _run(
 
 
 def one_of(what: str, value: str, known: Sequence[str]) -> None:
-    """Refuse a value that is none of those that are known."""
+    """Refuse a value that is not one of the known values."""
     if value not in known:
         raise ValueError(f"{what} is {value!r}; there are: {', '.join(known)}")

@@ -58,7 +58,7 @@ def table(
 
 
 def _of(which: tuple[str, str, str], every: Sequence[Run], results: Mapping[str, Result]) -> list[Result]:
-    """What is finished of an environment, suite and controller."""
+    """Finished runs of an environment, suite and controller."""
     mine = [one for one in every if (one.env, one.suite, one.controller) == which]
     return [results[one.name] for one in mine if one.name in results]
 
@@ -97,7 +97,7 @@ def _interval(seeds: Sequence[npt.ArrayLike]) -> Interval:
 
 
 def _rewards_only(one: Run) -> bool:
-    """Whether of a formulation of actions or observations only the rewards were learned from."""
+    """True if only the rewards of a formulation of actions or observations were learned from."""
     if one.suite != "offline" or inside_formulation(one.settings):
         return False
     return not Formulation.of(one.settings["formulation"]).shapes_rewards_only
@@ -133,8 +133,8 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
     found = [list(_HEADINGS)]
     for row in table["rows"]:
         if "skipped" in row:
-            said = [row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}"]
-            found.append([*said, *[""] * (len(_HEADINGS) - len(said))])
+            cells = [row["env"], row["suite"], row["controller"], f"skipped: {row['skipped']}"]
+            found.append([*cells, *[""] * (len(_HEADINGS) - len(cells))])
             continue
         low, high = row["return_interval"]
         published = " ± ".join(f"{value:.5g}" for value in row["published"] or () if value is not None)
@@ -165,14 +165,14 @@ def lines(table: Mapping[str, Any]) -> list[list[str]]:
 
 
 def remarks(table: Mapping[str, Any]) -> str:
-    """What is to be said of rows with a mark; empty without any."""
+    """Explanations of marked rows; empty without any."""
     changed = sorted({what for row in table["rows"] for what in row.get("changed", ())})
-    said = [f"\n\\* made before a change of: {', '.join(changed)}.\n"] if changed else []
+    notes = [f"\n\\* made before a change of: {', '.join(changed)}.\n"] if changed else []
     if any(row.get("diverged") for row in table["rows"]):
-        said.append("\n† training diverged: the best policy until then.\n")
+        notes.append("\n† training diverged: the best policy until then.\n")
     if any(row.get("rewards_only") for row in table["rows"]):
-        said.append(
+        notes.append(
             "\n‡ learned from a data set of another controller than `centre`: of the formulation the rewards count, "
             "actions and observations are the environment's own.\n"
         )
-    return "".join(said)
+    return "".join(notes)

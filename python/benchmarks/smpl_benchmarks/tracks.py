@@ -1,4 +1,4 @@
-"""Tracks of the benchmark: the same processes and episodes with different information for the learner."""
+"""Tracks of the benchmark: the same processes with different information for the learner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training in segments: each begins from a checkpoint in a file; a run that was cut off ends in the same bits."""
+"""Training in segments from checkpoints; a resumed run has the bits of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Trainer(Protocol):
         """Write a checkpoint: all that `load` needs."""
 
     def export(self, folder: Path) -> str:
-        """Write the policy; returns its `--policy` with the file's name alone (`PPO:policy.zip`)."""
+        """Write the policy; returns its `--policy` with the name of the file (`PPO:policy.zip`)."""
 
 
 def learn(trainer: Trainer, folder: Path, steps: int, segments: int, seed: int, validate: Validate) -> str:
@@ -46,15 +46,16 @@ def learn(trainer: Trainer, folder: Path, steps: int, segments: int, seed: int, 
 
     Args:
         trainer: the algorithm.
-        folder: of the run: `curve.csv`, `progress.json`, `checkpoint-K` and the best policy are kept there.
+        folder: of the run, for `curve.csv`, `progress.json`, `checkpoint-K` and the best policy.
         steps: in all.
         segments: how many pieces.
         seed: of the run.
         validate: scores a policy.
 
     Returns:
-        The `--policy` of the best policy by its mean return in the validation, the earliest of equals. A learner that
-        diverges after the first segment ends the run, and its best policy is that of the segments before.
+        The `--policy` of the best policy by its mean return in the validation, the earliest of
+        equals. A learner that diverges after the first segment ends the run, and its best policy is
+        that of the segments before.
     """
     state = _state(folder)
     for number in range(state["segments"], segments if "diverged" not in state else 0):

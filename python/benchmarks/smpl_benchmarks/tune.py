@@ -43,8 +43,8 @@ def _tune(given: argparse.Namespace, command: str) -> int:
     )  # fmt: skip
     given.out.parent.mkdir(parents=True, exist_ok=True)  # reported now, not after hours
     study = given.study or Path("tuning") / f"{search.suite}-{search.env}-{search.algorithm}.sqlite3"
-    told = None if given.quiet else _tell
-    trials = tune(search, study, given.trials, workers=given.workers, told=told)
+    on_trial = None if given.quiet else _tell
+    trials = tune(search, study, given.trials, workers=given.workers, on_trial=on_trial)
     write(search, trials, command, given.out)
     ordered = sorted(trials, key=lambda one: (one.score is None, -(one.score or 0.0), one.number))
     print(text_table([["trial", "score", "ended", "hyperparameters"], *(_row(one) for one in ordered)]))

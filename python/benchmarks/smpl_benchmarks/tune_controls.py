@@ -1,4 +1,4 @@
-"""`python -m smpl.benchmark controls --env ENV`: search the numbers of the controls on training starts."""
+"""`python -m smpl.benchmark controls --env ENV`: tune the controls on training starts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from smpl.support.arguments import FloatArray
 from smpl_benchmarks.controls import CONTROLS, FILE, made, tuned
 from smpl_benchmarks.subjects import SUBJECTS, one_of
 
-# Seed of the first training start; those of validation, data sets and searches begin at 5, 6 and 7
+# Seed of the first training start; seeds of validation, data sets and searches begin at 5, 6 and 7
 # hundred million.
 TRAINING = 800_000_000
 

@@ -163,7 +163,7 @@ def tune(
     *,
     objective: Objective | None = None,
     workers: int | None = None,
-    told: Callable[[Trial], None] | None = None,
+    on_trial: Callable[[Trial], None] | None = None,
     seconds: float | None = None,
 ) -> list[Trial]:
     """Run trials until the study has as many, those of earlier calls included.
@@ -176,7 +176,7 @@ def tune(
         objective: instead of training: score of hyperparameters, and a function to call with
             intermediate steps and scores.
         workers: threads or processes of validations.
-        told: function that is called with each finished trial.
+        on_trial: function that is called with each finished trial.
         seconds: no trial begins after so many; no limit if None.
 
     Returns:
@@ -199,8 +199,8 @@ def tune(
         changed = {} if number == 0 else {name: _propose(trial, name, one) for name, one in search.space.items()}
         trial.set_user_attr("hyperparameters", changed)
         _try(optuna, opened, trial, changed, run)
-        if told is not None:
-            told(_finished(opened)[-1])
+        if on_trial is not None:
+            on_trial(_finished(opened)[-1])
     return _finished(opened)
 
 

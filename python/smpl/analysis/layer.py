@@ -28,7 +28,7 @@ _TRIED = 20
 
 @dataclass(frozen=True)
 class Layer:
-    """A control step of N points, `(x, u, q) -> values`; or several, of which `u` holds the actions one after another.
+    """A control step of N points, `(x, u, q) -> values`; or several steps, with all actions in `u`.
 
     Attributes:
         model: the compiled model.

@@ -193,7 +193,7 @@ class Recorded:
     def _taken_from(
         self, run: Run, point: FloatArray, states: FloatArray, size: tuple[int, int], threads: int
     ) -> _Steps:
-        """Steps from each of these states of a run; `size` is (first step, steps from each)."""
+        """Steps from each of the states of a run; `size` is (first step, number of steps)."""
         given = {**run.parameters, **self._fixed, **dict(zip(self.parameters, point.tolist(), strict=False))}
         (first, horizon), count = size, len(states)
         part = slice(first, first + count * horizon)

@@ -41,9 +41,9 @@ class Rollout:
         truncated: ended by the time limit, (N,).
         failure: N messages, empty where nothing failed.
         failure_kind: N causes as data: `""` (none), `"start"` (no consistent start), `"solver"`
-            (the integration failed), `"events"` (events without end), `"event"` (a declared failure
-            within a step), `"not_finite"`, `"action_box"`, `"box"`, `"condition"` (after a step).
-            If there are several, the first of this order.
+            (the integration failed), `"events"` (events without end), or `"event"` (a declared
+            failure within a step). After a step: `"not_finite"`, `"action_box"`, `"box"`,
+            `"condition"`. If there are several, the first of this order.
         failure_name: N names of the declared failures of the kinds `"event"`, `"box"`,
             `"condition"`; otherwise empty.
         constraint_names: names of the limits.

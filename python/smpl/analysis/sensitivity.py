@@ -234,7 +234,7 @@ def _linearized(
     method: str | None,
     threads: int | None,
 ) -> Sequence[FloatArray]:
-    """Values and derivatives, a row a step of each point; `size` is (points, completed steps, steps)."""
+    """Values and derivatives, a row per step; `size` is (points, completed steps, steps)."""
     count, _, horizon = size
     # Actions of later steps are counted behind those of the first one.
     chosen = [

@@ -70,8 +70,9 @@ class LQR(TakesWrapped):
         cost: `sum` over instants, or `integral` over time, sampled exactly.
         at: (y, u) where the model is linearised and is to be held; its steady state if none.
         p: parameters and the like.
-        pade: order of the approximations of dead times, 1 to 5. Their states follow those of the model, have no
-            weight, and are those of the linear model with the states and actions so far.
+        pade: order of the approximations of dead times, 1 to 5. Their states follow those of the
+            model, have no weight, and are those of the linear model with the states and actions so
+            far.
 
     Attributes:
         gain: K, (actions, states + integrators).

@@ -6,8 +6,11 @@ forward differences, and back calculation against windup. With the sampling inte
 measurement y:
 
     P_k = K (b r_k - y_k)
+
     D_k = T_d/(T_d + N h) D_(k-1) - K T_d N/(T_d + N h) (y_k - y_(k-1))
+
     v_k = P_k + I_k + D_k,  u_k = saturated v_k
+
     I_(k+1) = I_k + K h/T_i (r_k - y_k) + h/T_t (u_k - v_k)
 """
 

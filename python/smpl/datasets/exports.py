@@ -231,9 +231,10 @@ def _described(env: Any) -> Any:
 
 
 def _limited(env: Any, here: Any) -> Any:
-    """The specification with the time limit of the environment, which readers such as d3rlpy's `get_minari` require.
+    """The specification with the time limit of the environment.
 
-    Environments of smpl are registered without it, because their own limit counts.
+    Readers such as d3rlpy's `get_minari` require the limit. Environments of smpl are registered
+    without it, because their own limit counts.
     """
     spec = here.spec if not isinstance(env, EnvSpec) else env
     if spec is None or spec.max_episode_steps is not None or not isinstance(here.unwrapped, Env):

@@ -44,7 +44,8 @@ class Summary:
         settling: time from which on the state stays near the steady one, NaN where it never does;
             none where the model has no steady state.
         start: observation of the reset, physical units.
-        at_limit: share of the actions, over all steps and names, that are at a limit of the action box.
+        at_limit: share of the actions, over all steps and names, that are at a limit of the action
+            box.
     """
 
     index: int
@@ -261,7 +262,7 @@ def summary(plan: Plan, job: Job, one: Episode, target: tuple[FloatArray, FloatA
 
 
 def _at_limit(plan: Plan, one: Episode) -> float:
-    """Share of the actions of an episode within a millionth of the box's width of one of its limits."""
+    """Share of the actions of an episode at a limit, within a millionth of the box's width."""
     if one.applied is None:
         return 0.0
     low, high = plan.task.model.native.bounds("action")

@@ -138,7 +138,7 @@ def _warn(starts: Starts, env: Env) -> None:
         place = env.state_names.index(name)
         outside = np.flatnonzero((values < low[place]) | (values > high[place]))
         if len(outside):
-            text = f"{starts.kind}: {name} lies outside of its bounds, {low[place]:g} to {high[place]:g}, in"
+            text = f"{starts.kind}: {name} is outside its bounds, {low[place]:g} to {high[place]:g}, in"
             warnings.warn(f"{text} {len(outside)} of {len(values)} starts, first {values[outside[0]]:g}", stacklevel=2)
 
 

@@ -1,6 +1,6 @@
-//! Derivatives of what is recorded of the past, along directions.
+//! Derivatives of the recorded past, along directions.
 //!
-//! With v the past of a delayed expression, w its derivatives at fixed times and θ the dead time, a
+//! A delayed expression has the past v, the derivatives w at fixed times and the dead time θ. Its
 //! delayed value v(t - θ) has the derivatives w(t - θ) - v'(t - θ) dθ. The equations hold the
 //! second term; the first one is recorded here with each step of the derivatives. Where v jumps at
 //! a time that moves, the delayed value jumps at a time that moves with it and with θ.
@@ -212,7 +212,7 @@ impl MovedPast {
     }
 
     /// Derivatives of the time of the breaks at a time at which delayed values jump. `tangents`
-    /// hold those of the dead times as outputs. Not a number where they differ.
+    /// hold those of the dead times as outputs. NaN where they differ.
     pub(crate) fn motion_of_break(&self, past: &Past, at: f64, out: &mut Vec<f64>) {
         out.clear();
         out.resize(self.width(), 0.0);

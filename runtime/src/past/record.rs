@@ -127,8 +127,8 @@ impl Record {
         }
     }
 
-    /// Forgets pieces at the end that are so short that the one before them goes on over them:
-    /// steps on both sides of an event.
+    /// Removes very short pieces at the end, over which the piece before them continues: steps on
+    /// both sides of an event.
     pub(super) fn forget_short(&mut self, least: f64) {
         while self.pieces.len() > 1 && self.pieces.last().is_some_and(|piece| piece.to - piece.from <= least) {
             self.pop();

@@ -1,12 +1,12 @@
 //! Terms that depend on time alone, sampled over an interval before it is integrated.
 //!
-//! An error test compares rates at the ends of steps. A forcing that begins and ends an interval
-//! alike, such as a day's light in a step of a day, is missed by a step as long as the interval,
-//! and by steps that have grown in the night. Therefore everything that time moves is evaluated at
-//! some thirty points. Where a polynomial of degree four goes through them, the error test sees
-//! what there is; otherwise no step may be longer than the points are apart. Where that shows many
-//! turns, more points count them, and some steps fall between two of them. The points are not
-//! evenly spaced, so that a period of the forcing cannot hide in them.
+//! An error test compares rates at the ends of steps. A forcing may begin and end an interval
+//! alike, such as the light of a day. The test misses it if a step is as long as the interval or
+//! has grown in the night. Therefore all terms that depend on time are evaluated at some thirty
+//! points. If a polynomial of degree four goes through them, the error test suffices; otherwise no
+//! step may be longer than the distance of the points. If the values turn often, more points count
+//! the turns, and several steps fall between two of them. The points are not evenly spaced, so that
+//! a period of the forcing cannot hide in them.
 
 /// Intervals between points.
 const PIECES: usize = 32;

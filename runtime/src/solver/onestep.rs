@@ -136,8 +136,8 @@ impl OneStep {
     /// An integrator for systems of this one's dimension, pattern and counts.
     ///
     /// # Errors
-    /// A setting out of range, a pattern that does not fit, or an unsupported system: one that is
-    /// not explicit in its derivatives, or for the explicit method one with algebraic unknowns.
+    /// A setting out of range, a pattern that does not fit, or an unsupported system. A system must
+    /// be explicit in its derivatives, and without algebraic unknowns for the explicit method.
     pub fn new(system: &dyn System, settings: Settings) -> Result<Self, SolveError> {
         let n = system.dimension();
         settings.validate(n)?;

@@ -2,11 +2,12 @@
 //! to know of them.
 //!
 //! IDA integrates along with its steps. Its order follows the unknowns: where these rest or run
-//! along straight lines it stays at one, whatever the integrands do. So the integrals of a small
-//! system are taken step by step on the interpolating polynomial, by Boole's rule on pieces that
-//! are halved if Simpson's rule does not agree with it. One jump, as of `if c > limit then 1 else
-//! 0`, costs some hundred points. Each point costs an interpolation of all unknowns, which is why
-//! large systems, whose unknowns never all rest, leave their integrals to IDA.
+//! along straight lines it stays at one, whatever the integrands do. Therefore the integrals of a
+//! small system are taken step by step on the interpolating polynomial. Boole's rule integrates
+//! pieces, which are halved if Simpson's rule does not agree with it. One jump, as of
+//! `if c > limit then 1 else 0`, costs some hundred points. Each point costs an interpolation of
+//! all unknowns, which is why large systems, whose unknowns never all rest, leave their integrals
+//! to IDA.
 
 use std::array;
 

@@ -232,8 +232,8 @@ fn what_a_setting_cannot_be_is_said_with_what_can_be() {
         ("T=3", "`T` is a state"),
         ("w=3", "`w` is a disturbance"),
         ("rr=3", "k, gain, twice, fault"),
-        ("k=5", "`k` = 5 lies outside of its bounds 0..4 1/min"),
-        ("fault[2]=-1", "`fault[2]` = -1 lies outside"),
+        ("k=5", "`k` = 5 is outside its bounds 0..4 1/min"),
+        ("fault[2]=-1", "`fault[2]` = -1 is outside"),
         ("rtol=1e10", "`rtol` must be between 1e-15 and 1, not 10000000000"),
         ("rtol=1e-20", "`rtol` must be between"),
         ("max_order=99", "a whole number from 1 to 5"),
@@ -255,8 +255,8 @@ fn faults_of_a_scenario_stand_where_they_are() {
     let model = file("places", "m.eq", COOLER);
     for (content, said, place) in [
         (&b"max_steps: 3\ninitial: {nope: 1}\n"[..], "unknown state or discrete variable `nope`", ":2:11"),
-        (b"parameters:\n  k: 9\n", "lies outside of its bounds", ":2:3"),
-        (b"initial:\n  T: -5\n", "lies outside of its bounds", ":2:3"),
+        (b"parameters:\n  k: 9\n", "is outside its bounds", ":2:3"),
+        (b"initial:\n  T: -5\n", "is outside its bounds", ":2:3"),
         (b"parameters: {T: 3}\n", "is a state", ":1:14"),
         (b"noise:\n  T: 0.1\n  Q: 0.2\n", "unknown observation `Q`", ":3:3"),
         (b"noise: {T: -1}\n", "a standard deviation", ":1:9"),
@@ -285,7 +285,7 @@ fn faults_of_a_scenario_stand_where_they_are() {
 #[test]
 fn what_no_model_can_mean_is_refused_in_its_text() {
     for (wrong, right, said) in [
-        ("= 0.5 in 0..4", "= 5 in 0..4", "lies outside of its bounds 0..4 1/min"),
+        ("= 0.5 in 0..4", "= 5 in 0..4", "is outside its bounds 0..4 1/min"),
         ("= 10 in 0..100", "= 10 in 0..100 scale 0", "scale of `T` must be a positive number"),
         ("= 10 in 0..100", "= 10 in 0..100 scale -1", "scale of `T` must be a positive number"),
         ("step = 1 [min]", "step = inf", "`step` must be finite"),
@@ -322,7 +322,7 @@ fn a_compiled_model_runs_under_what_it_was_compiled_for_and_not_otherwise() {
     assert_eq!(status(&run(&["simulate", c])), 0);
     refused(&["simulate", c, "--scenario", "legacy"], "`legacy`");
     refused(&["simulate", c, "--set", "rtol=1e-3"], "`rtol` is set where it is compiled");
-    refused(&["simulate", c, "--set", "k=9"], "lies outside of its bounds");
+    refused(&["simulate", c, "--set", "k=9"], "is outside its bounds");
     refused(&["compile", c, "-o", name(&beside(&model, "again.smplc"))], "compiled already");
     // What is imported counts, whatever its name.
     std::fs::write(&part, "def half(x) = x/3\n").expect("written");
@@ -447,7 +447,7 @@ fn a_draw_outside_of_its_bounds_is_no_episode() {
     assert_eq!(status(&computed), 0, "{}", text(&computed.stderr));
     let model = file("draws", "m.eq", COOLER.replacen("param twice = 2*gain", "param twice = 2*gain in 0..3", 1));
     let output = smpl(&["simulate", name(&model), "--set", "gain=1.6"]);
-    assert!(status(&output) == 1 && text(&output.stderr).contains("`twice` = 3.2 lies outside"), "{}", text(&output.stderr));
+    assert!(status(&output) == 1 && text(&output.stderr).contains("`twice` = 3.2 is outside"), "{}", text(&output.stderr));
 }
 
 #[test]

@@ -122,8 +122,8 @@ impl<'a> Declaring<'_, 'a> {
         self.new_set(scope, name, labels, first);
     }
 
-    /// Declares the sets of members of other sets that are known so far; of the rest, the `last`
-    /// time, reports names that are not sets.
+    /// Declares the sets of members of other sets that are known so far; the `last` call reports
+    /// names in the others that are not sets.
     pub(in crate::elaborate::declare) fn declare_derived(&mut self, scope: ScopeId, list: &[Item<'a>], last: bool) {
         let derived = |item: &Item<'a>| match item {
             Item::Other(Statement { kind: StatementKind::Set { name, members: SetMembers::Of(e), .. }, .. }) => Some((name, e)),

@@ -73,7 +73,7 @@ impl<'a> Declaring<'_, 'a> {
     }
 
     /// Reports an argument that is not a component although the default is one, and takes the
-    /// default; `None` where components are not meant.
+    /// default; `None` if the parameter is not a component.
     pub(in crate::elaborate::declare) fn misnamed(
         &mut self,
         argument: &Expr,
@@ -92,8 +92,8 @@ impl<'a> Declaring<'_, 'a> {
         Some(standard)
     }
 
-    /// The component, or the default if the component lacks something that the default has, which
-    /// is reported.
+    /// The component, or the default after a report if the component lacks something that the
+    /// default has.
     fn fitting(&mut self, name: &Ident, component: &'a Statement, (argument, default): (&Expr, Option<&Expr>)) -> &'a Statement {
         let Some(wanted) = self.default_component(default).filter(|wanted| !std::ptr::eq(*wanted, component)) else {
             return component;

@@ -2,8 +2,8 @@
 //!
 //! A controller is a PI controller in velocity form. At its instants the output moves by
 //! `K*(e - e_last + e*interval/T)` with the error `e = r - y`, and stays within its limits. It
-//! remembers the last error only: the integral is the output itself, so that it cannot wind up, and
-//! a start or a return from `manual` does not make the output jump.
+//! remembers the last error only. The integral is the output itself: it cannot wind up, and a start
+//! or a return from `manual` does not make the output jump.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;

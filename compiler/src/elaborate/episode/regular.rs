@@ -1,11 +1,11 @@
 //! Regular instants: `at every 3 [s]`.
 //!
 //! They happen at whole multiples of their interval, at 0 too. Those at the start of a step follow
-//! `at start`, those inside of it are events whose root function is linear in time; one at the end
+//! `at start`; those inside of it are events whose root function is linear in time. One at the end
 //! of a step belongs to the next step, which knows its action. A hidden discrete variable counts
 //! the instants of each interval, so that times do not drift. All intervals form one program, in
-//! which each statement has the condition that its own instant is due: first the controllers, which
-//! see the values before, then the blocks, which see their outputs.
+//! which each statement has the condition that its own instant is due. Controllers come first and
+//! see the values before the instant; blocks follow and see the controllers' outputs.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
@@ -149,7 +149,7 @@ pub(super) fn initial(l: &mut Lowering<'_, '_>) -> Vec<Nest> {
         .collect()
 }
 
-/// Most regular instants inside of a step, which are no sign of events without end.
+/// Largest number of regular instants inside of a step; the limit on events allows as many more.
 pub(super) fn most_in_a_step(l: &Lowering<'_, '_>, length: f64) -> u32 {
     let intervals = l.hidden.regular.iter().flat_map(|regular| &regular.intervals);
     intervals.map(|x| (length / x).ceil() as u32).fold(0, u32::saturating_add)

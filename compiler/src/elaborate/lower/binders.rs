@@ -47,8 +47,8 @@ pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binde
     }
 }
 
-/// Members that one element of a list stands for: those of a set, of sets in sums and differences,
-/// or the variables of a tuple; `None` for an element that stands for itself.
+/// Members of one element of a list: of a set, or of sums and differences of sets; or the variables
+/// of a tuple. `None` for an element that is itself a member.
 fn members_of(l: &Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<Vec<BinderValue>> {
     if let ExprKind::Name(name) = &e.kind {
         let symbol = if place.bound(&name.text).is_none() { l.symbols.lookup(place.scope, &name.text)? } else { return None };

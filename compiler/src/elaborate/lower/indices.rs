@@ -220,7 +220,7 @@ pub(in crate::elaborate) fn member(l: &mut Lowering<'_, '_>, set: SetId, e: &Exp
 fn cell(l: &mut Lowering<'_, '_>, domain: DomainId, e: &Expr, place: &Place) -> Option<Bound> {
     if let Some(numbers) = l.run_index(e, place) {
         if numbers.step < 0 {
-            // What stands in a cell reads its neighbours as if numbers rose.
+            // Expressions in a cell read neighbours as if numbers rose.
             l.ledger.speculation.refuse();
             return None;
         }
@@ -276,7 +276,7 @@ fn neighbour(
     if let Some(z) = [a, b].into_iter().find_map(|side| at_face(side, place)) {
         l.ledger.report(
             Diagnostic::error(codes::WRONG_KIND, format!("inside of a flux `{z}` is a face, which has no neighbours by number"), span)
-                .label("beside a face")
+                .label("next to a face")
                 .help(format!("`x[{z}]` is the value at the face by the domain's `scheme`, `grad(x[{z}])` the difference of the cells next to it over their distance")),
         );
         return Some(None);
@@ -399,7 +399,7 @@ impl<'a> Naming<'_, 'a> {
                 }
                 let help = self.ledger.reports.did_you_mean(&name, options.iter().map(String::as_str));
                 self.ledger.report(
-                    Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is none of {}", options.join(", ")), other.span)
+                    Diagnostic::error(codes::UNKNOWN_NAME, format!("`{name}` is not one of {}", options.join(", ")), other.span)
                         .maybe_help(help),
                 );
                 Some(None)

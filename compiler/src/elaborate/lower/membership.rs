@@ -62,8 +62,7 @@ fn label_of(l: &mut Lowering<'_, '_>, index: &Expr, place: &Place) -> Option<Str
     None
 }
 
-/// The value that an array has at the member of its index, of values by member; `None` after a
-/// report.
+/// The value of an array at the member of its index, from values by member; `None` after a report.
 pub(in crate::elaborate) fn by_member<'e>(l: &mut Lowering<'_, '_>, arguments: &'e [Expr], place: &Place) -> Option<&'e Expr> {
     let (indices, pairs) = arguments.split_first()?;
     let ExprKind::Tuple(indices) = &indices.kind else { return None };

@@ -53,7 +53,7 @@ pub(in crate::elaborate) fn binary(l: &mut Lowering<'_, '_>, span: Span, op: Bin
             };
             l.fault(
                 Diagnostic::error(codes::UNKNOWN_NAME, "neither part of this quotient is declared", span)
-                    .label("meant as a rate?")
+                    .label("intended as a rate?")
                     .help(format!("a rate is written `d/dt {what}`")),
             )
         }
@@ -192,7 +192,7 @@ pub(in crate::elaborate) fn conditional_of<'m, 'a>(
     branch: &mut dyn FnMut(&mut Lowering<'m, 'a>, &Expr) -> Value,
 ) -> Value {
     let Some(condition) = l.sound_condition(c, place) else {
-        // The branches may have faults of their own.
+        // The branches may have their own faults.
         branch(l, a);
         branch(l, b);
         return l.poison();

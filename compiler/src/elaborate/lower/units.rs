@@ -45,8 +45,8 @@ pub(crate) fn over(a: &Unit, b: &Unit) -> Unit {
     a.divide(b).unwrap_or_else(Unit::one)
 }
 
-/// The unit in which a value is shown where none is declared: a ratio in a unit that nobody named
-/// (`bar/kPa`) is the number.
+/// The unit in which a value is shown if none is declared: a ratio in an unnamed unit (`bar/kPa`)
+/// is the number.
 pub(crate) fn shown(measure: &Measure) -> Unit {
     let unit = measure.unit();
     if is_dimensionless(&unit) && unit.is_unnamed() { Unit::one() } else { unit }
@@ -115,7 +115,7 @@ pub(crate) fn literal_beside_point(x: f64, unit: &Unit) -> String {
     )
 }
 
-/// A number without a unit beside a dimensionless quantity with a scale: what it counts as.
+/// Meaning of a number without a unit next to a dimensionless quantity with a scale.
 pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagnostic {
     let factor = conversion(&Unit::one(), unit).map_or(1.0, |c| c.0);
     let counts = match number {
@@ -126,7 +126,7 @@ pub(crate) fn bare_beside(number: Option<f64>, unit: &Unit, span: Span) -> Diagn
     let other = number.map_or_else(|| "`... as [1]`".to_owned(), |x| format!("`{x} [1]`"));
     Diagnostic::warning(codes::BARE_NUMBER, format!("{counts} here"), span)
         .label("next to a quantity in another scale")
-        .help(format!("write {written} if that is meant, {other} for the pure number"))
+        .help(format!("write {written} for that unit, {other} for the pure number"))
 }
 
 /// A function of amounts, of a temperature that counts from the zero of a scale.
@@ -158,7 +158,7 @@ pub(crate) fn rounded_as_number(function: &str, unit: &Unit, span: Span) -> Diag
         .help(format!("write `{function}(x / 1 [{unit}]) * 1 [{unit}]` to round in {unit}, `x as [1]` for the number"))
 }
 
-/// A number with no more digits than a reader wants.
+/// A number with few digits, for readers.
 fn rounded(x: f64) -> f64 {
     format!("{x:.6e}").parse().unwrap_or(x)
 }
@@ -230,7 +230,7 @@ pub(in crate::elaborate) fn unit(l: &mut Lowering<'_, '_>, written: &UnitExpr, p
     }
 }
 
-/// A unit written where an expression stands: `value(x, kmol/m^3)`.
+/// A unit written as an expression: `value(x, kmol/m^3)`.
 pub(in crate::elaborate) fn unit_argument(l: &mut Lowering<'_, '_>, e: &Expr, place: &Place) -> Option<Unit> {
     let mut factors = Vec::new();
     if collect(e, 1, &mut factors).is_none() {

@@ -144,8 +144,8 @@ impl<'a> Symbols<'a> {
         self.list.keys().filter_map(of)
     }
 
-    /// Labels of the members of a set that others make, `species - solids`; `None` where a name in
-    /// it is not a known set.
+    /// Labels of the members of a set made from others, `species - solids`; `None` if a name in it
+    /// is not a known set.
     pub(in crate::elaborate) fn labels_of(&self, scope: ScopeId, e: &Expr) -> Option<Vec<String>> {
         match &e.kind {
             ExprKind::Name(name) => match self[self.lookup(scope, &name.text)?].kind {

@@ -100,7 +100,7 @@ impl Environment {
             }
             let (mut settled, mut given) = (true, false);
             for element in 0..elements {
-                // What is given is run by itself, at its own time.
+                // A given past is run by itself, at its own time.
                 let before = self.system.past_mut().and_then(|past| past.before_start(element, time));
                 let (part, at) = before.map_or((Part::Delayed, time), |at| (Part::Before, at));
                 if before.is_some() || element == 0 || given {

@@ -102,7 +102,7 @@ impl<'s> Writer<'s> {
                 self.block(&format!("Time is {}, in {unit}.", code(&name.text)));
             }
             StatementKind::Unit { name, size, text } => {
-                let size = size.as_ref().map_or_else(|| "a dimension of its own".to_owned(), |size| self.inline(size));
+                let size = size.as_ref().map_or_else(|| "its own dimension".to_owned(), |size| self.inline(size));
                 self.row(OWN_UNITS, vec![code(&name.text), size, prose(text.as_deref().unwrap_or(""))]);
             }
             StatementKind::Set { name, members, formulas, text } => {

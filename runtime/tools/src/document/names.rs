@@ -50,7 +50,7 @@ pub(super) fn page(interface: &Interface, policies: &[&str]) -> String {
     rows.extend(row("choices", interface.alternatives.choices.len(), interface.alternatives.choices.iter().map(choice).collect()));
     let note = "As they are called from the command line and from Python. Four failures are there in every model: \
                 `action_box`, an action outside of its box (the step is still integrated); `solver`, the integrator gives up (the state \
-                is as before the step); `events`, events without end; `not_finite`, a number of the step is none. \
+                is as before the step); `events`, events without end; `not_finite`, a number of the step is not finite. \
                 The policy `nominal` is there too: the nominal actions, where the model does not declare it.";
     format!("\n## Names\n\n{note}\n\n{}", table(&["kind", "how many", "names"], &rows))
 }

@@ -3,9 +3,9 @@
 //! Minimum degree takes a chain of cells from its ends, so that each cell waits for the one before,
 //! in the factorisation and in every substitution. Here the nodes of a round are not neighbours of
 //! each other (Liu, Modification of the minimum-degree algorithm by multiple elimination, *ACM
-//! Trans. Math. Softw.* 11 (1985) 141–153), and where those of the least degree are few, those of
-//! the next are taken too: every other cell of a chain, then every other one of what is left
-//! (cyclic reduction). 150 cells of ten shells each wait for each other 31 times instead of 329,
+//! Trans. Math. Softw.* 11 (1985) 141–153). If few nodes have the least degree, a round takes those
+//! of the next degree too. A chain is eliminated by cyclic reduction: every other cell, then every
+//! other one of the rest. 150 cells of ten shells each wait for each other 31 times instead of 329,
 //! with as many products.
 
 /// Nodes of a round below which those of the next degree are taken too.
