@@ -1,8 +1,9 @@
-"""`python -m smpl.benchmark --suite control --budget smoke`: the benchmark, one folder a run, resumed where it stopped.
+"""`python -m smpl.benchmark --suite control --budget smoke`: the benchmark, one folder per run.
 
-A run is an environment, a controller or an algorithm, and a seed. Its folder has `configuration.json` (what was run,
-by which versions), what training needs to go on, and, when it is finished, `scores.json`. The command writes `table.md`
-and `table.json` over all runs, and figures; with `--results` also a record of each run, small enough for a repository.
+A run is an environment, a controller or an algorithm, and a seed. Its folder has
+`configuration.json` (settings and versions), the checkpoints of training, and, when it is finished,
+`scores.json`. The command resumes unfinished runs. It writes `table.md` and `table.json` over all
+runs, and figures; with `--results` also a record of each run, small enough for a repository.
 """
 
 from __future__ import annotations
@@ -62,23 +63,26 @@ def benchmark(
     Args:
         out: folder of the runs.
         suite, budget: what and how much.
-        env: these in place of all: a process of the package or of `config`, the path of a model, an id, or several.
+        env: processes to run, all by default: one of the package or of `config`, the path of a
+            model, an id, or several.
         seeds: runs of each controller; 1 for `smoke`, else 3.
         resume: go on in a folder that has runs; those that are finished are not run again.
         algorithms: names of controllers and algorithms; all if empty.
-        config: a YAML file over the configuration of the package, see `smpl_benchmarks.configuration`.
+        config: a YAML file over the configuration of the package, see
+            `smpl_benchmarks.configuration`.
         workers: threads or processes; all processors if none.
         progress: show a progress bar.
         ray: address of a cluster of Ray that makes the runs, see `smpl.learning.cluster`.
-        run_nothing: make table and figures of the runs that are finished, whatever others there are.
-        results: folder of records: with `resume` what is there is not run again, and what is finished is put there.
+        run_nothing: make table and figures of the finished runs only.
+        results: folder of records of finished runs; with `resume`, runs with a record are not run
+            again.
         track: of learned policies, see `smpl_benchmarks.tracks`.
 
     Returns:
         What `table.json` holds.
 
     Raises:
-        ValueError: an argument is none of what it may be, or the folder has other runs.
+        ValueError: an argument is not valid, or the folder has other runs.
     """
     folder, records = Path(out), None if results is None else Path(results)
     if workers is not None:
@@ -104,7 +108,7 @@ def benchmark(
 
 
 def _result(one: Run, out: Path, records: Path | None) -> Result | None:
-    """What a run has brought, by its folder or by its record; none if it is not finished."""
+    """The result of a run by its folder or by its record; None if it is not finished."""
     found = in_folder(one, out)
     return recorded(one, records) if found is None and records is not None else found
 
@@ -151,7 +155,7 @@ def _report(every: Sequence[Run], out: Path, records: Path | None, skipped: dict
 
 
 def _changed(results: Mapping[str, Result]) -> dict[str, list[str]]:
-    """What of each result is not as a run of today would have it."""
+    """Settings of each result that differ from those of a run of today."""
     checksums: dict[str, str] = {}
     found = {}
     for name, one in results.items():
@@ -168,9 +172,10 @@ def _changed(results: Mapping[str, Result]) -> dict[str, list[str]]:
 def _made(
     every: Sequence[Run], out: Path, records: Path | None, workers: int | None, ray: str | None, resume: bool
 ) -> Iterator[tuple[Run, str]]:
-    """Make the runs, here or on a cluster; yields each with why it cannot be made, empty where it was.
+    """Make the runs, here or on a cluster; yields each with the reason if it cannot be made.
 
-    When it is resumed, a run whose record has the settings of today is not made, whatever text the model had.
+    With `resume`, a run whose record has the settings of today is not made again, even if the text
+    of the model has changed.
     """
     left = []
     for i, one in enumerate(every):
@@ -190,7 +195,7 @@ def _made(
 
 
 def _make_elsewhere(shared: tuple[tuple[Run, ...], dict[int, dict[str, bytes]]], number: int) -> Any:
-    """Make a run on a machine of a cluster: what is there of it comes along, and its files go back."""
+    """Make a run on a machine of a cluster: it gets the files of the run and returns new ones."""
     every, begun = shared
     with tempfile.TemporaryDirectory() as place:
         folder = every[number].folder(Path(place))
@@ -217,7 +222,7 @@ def _place(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _make(one: Run, out: Path, workers: int | None) -> str:
-    """Run what is not finished; returns why it cannot be run, empty where it was.
+    """Run an unfinished run; returns the reason if it cannot be run, otherwise an empty text.
 
     Raises:
         ValueError: its folder has another run.
@@ -256,7 +261,10 @@ def _controller(one: Run, task: Task) -> Any:
 
 
 def _validated(one: Run, task: Task, controller: Any, workers: int | None) -> dict[str, Any]:
-    """Scores of a control on the validation episodes, once for all its blocks; empty where rows are not selected."""
+    """Scores of a control on the validation episodes, once for all its blocks.
+
+    Empty if rows are not selected.
+    """
     episodes = SUBJECTS[one.env].validation if one.env in SUBJECTS and one.budget == "short" else 0
     if one.number or not episodes or one.controller in SUBJECTS[one.env].few:
         return {}
@@ -320,7 +328,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
     parser.add_argument(
-        "--env", action="append", metavar="ENV", help="in place of all: a process, or the path of a model; repeatable"
+        "--env", action="append", metavar="ENV", help="instead of all: a process, or the path of a model; repeatable"
     )
     parser.add_argument("--track", default=RESIDUAL, help=f"one of {', '.join(TRACKS)}")
     parser.add_argument("--seeds", type=int, metavar="N", help="runs of each controller")
@@ -338,7 +346,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def work() -> int:
         if given.page is not None:
-            places_of(Path(given.page))  # told now, not after hours
+            places_of(Path(given.page))  # fails now, not after hours
         found = benchmark(
             given.out, given.suite, given.budget, env=given.env, seeds=given.seeds, resume=given.resume,
             algorithms=given.algorithm, config=given.config, workers=given.workers,

@@ -1,4 +1,4 @@
-"""Figures of the benchmark (extra `report`): learning curves and scores, one of each for an environment."""
+"""Figures of the benchmark (extra `report`): learning curves and scores of each environment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _COLOURS = {"control": look.INK, "offline": look.BLUE, "online": look.VERMILION}
 
 
 def draw(results: Iterable[Result], table: Mapping[str, Any], out: Path) -> list[Path]:
-    """Draw results, and what `table.json` holds of them, into `figures/`; nothing where Matplotlib is missing."""
+    """Draw results and their rows of `table.json` into `figures/`; nothing without Matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -73,7 +73,7 @@ def _label(row: Mapping[str, Any]) -> str:
 
 
 def _curves(figure_type: Any, env: str, learned: Iterable[Result]) -> Any:
-    """Mean reward of the validation episodes over the steps of training: mean of the seeds, and their extent."""
+    """Mean reward of validation episodes over the steps of training, with the range of seeds."""
     panels: dict[str, dict[str, list[list[dict[str, float]]]]] = {}
     for one in learned:
         if one.run.env == env:

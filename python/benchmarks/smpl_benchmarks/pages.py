@@ -1,8 +1,8 @@
 """The table of the benchmark as Markdown, and in the places that a page keeps for it.
 
-A place is the text between the lines `<!-- table -->` and `<!-- end of table -->`: all processes, one under the other.
-`<!-- table: Beer -->` is the place of one process; `<!-- table: best -->` and others are those of
-`smpl_benchmarks.places`.
+A place is the text between the lines `<!-- table -->` and `<!-- end of table -->`: all processes,
+one under the other. `<!-- table: Beer -->` is the place of one process; `<!-- table: best -->` and
+others are those of `smpl_benchmarks.places`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def markdown(table: Mapping[str, Any]) -> str:
 
 
 def place_in(page: Path, table: Mapping[str, Any], more: Mapping[str, str] | None = None) -> None:
-    """Put the table into the places of a page; those of processes that the table does not have stay as they are.
+    """Put the table into the places of a page; places of processes without rows are unchanged.
 
     Args:
         page: a Markdown file.

@@ -219,7 +219,7 @@ def _of_track(name: str, env: str, learner: str, mine: Sequence[Result], every: 
     returns = [value for one in mine for value in one.scores["returns"]]
     begin = [name, env, learner, str(len(mine)), f"{sum(returns) / len(returns):.5g}"]
     nominal = next((one.nominal for one in every if one.env == env), None)
-    # Drawn parameters make other episodes: there is no gain over the nominal policy of the main table.
+    # Drawn parameters make other episodes, without a gain over the main table's nominal policy.
     if nominal is None or TRACKS[name].ranges:
         return [*begin, "", str(len(returns))]
     blocks = dict(zip(nominal.starts, nominal.returns, strict=True))

@@ -28,8 +28,6 @@ _SCORES = (
     *("settling_time", "latency_ms", "policy", "training_seconds", "seconds", "diverged", "at_limit", "validation"),
 )
 _CURVE = ("steps", "mean", "failures")
-# What says which run it is; the rest of a configuration says by what it was made.
-_MADE_BY = ("smpl", "checksum", "versions")
 
 
 Key = tuple[str, str, int]
@@ -37,7 +35,7 @@ Key = tuple[str, str, int]
 
 @dataclass(frozen=True)
 class Result:
-    """What a finished run has brought.
+    """Scores, learning curve and configuration of a finished run.
 
     Attributes:
         run: which.
@@ -171,7 +169,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _short(value: Any) -> Any:
-    """Numbers of lists with eight significant digits; what the statistics are made of stays as it is."""
+    """Numbers of lists with eight significant digits; single numbers are unchanged."""
     if isinstance(value, list):
         return [_short(float(f"{one:.8g}")) if isinstance(one, float) else one for one in value]
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value

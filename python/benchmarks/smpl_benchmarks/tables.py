@@ -93,7 +93,7 @@ def _interval(seeds: Sequence[npt.ArrayLike]) -> Interval:
     """95 % interval of a mean over training seeds; of one seed over its episodes."""
     if len(seeds) == 1:
         return bootstrap(seeds[0])
-    return stratified_bootstrap([float(np.mean(np.asarray(one))) for one in seeds])
+    return stratified_bootstrap([float(np.asarray(one, dtype=np.float64).mean()) for one in seeds])
 
 
 def _rewards_only(one: Run) -> bool:
