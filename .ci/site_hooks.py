@@ -71,7 +71,7 @@ def register_lexer() -> None:
 
 
 def navigation(summary: str) -> list[Any]:
-    """Parts, chapters and their pages, as MkDocs wants them: `[{"Guide": [{"Tutorial": "tutorial.md"}]}]`."""
+    """Parts, chapters and their pages, as MkDocs expects them: `[{"Guide": [{"Tutorial": "tutorial.md"}]}]`."""
     out: list[Any] = []
     part: list[Any] = out
     for line in summary.splitlines():

@@ -1,4 +1,4 @@
-//! Links KLU: the system's shared library, or with the feature `vendored` the static ones. Tells the tests whether the reference trajectories are there.
+//! Links KLU: the system's shared library, or with the feature `vendored` the static ones. Sets a flag for the tests if the reference trajectories are there.
 
 include!("references.rs");
 

@@ -1,7 +1,7 @@
 //! Compiles model files and prints sizes, compile times and evaluation times: `measure models/*.eq`.
 //!
-//! For each model the first compilation of the process (cold) and the fastest of those that follow (warm): wall-clock time, processor
-//! time of all threads, and the wall-clock time of each phase that is not negligible.
+//! Times of each model, for the first compilation of the process (cold) and the fastest of those that follow (warm). They are wall-clock
+//! time, processor time of all threads, and the wall-clock time of each phase that is not negligible.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

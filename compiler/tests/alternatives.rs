@@ -1,4 +1,4 @@
-//! What is not in force is checked too: variants that are off, options that are not chosen.
+//! Inactive parts are checked too: variants that are off, options that are not chosen.
 
 use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
@@ -57,6 +57,6 @@ fn of_a_great_many_variants_the_last_are_not_checked_and_that_is_told() {
     let codes = |text: String| told(&format!("{DECAY}{text}")).into_iter().map(|(code, ..)| code).collect::<Vec<_>>();
     assert_eq!(codes(variants("x")), ["E0105-too-large"]);
     assert!(codes(variants("1 [m]")).contains(&"E0105-too-large".to_owned()));
-    // So many faults are not told one by one.
+    // So many faults are not reported one by one.
     assert!(codes(variants("y")).len() > 10);
 }

@@ -11,7 +11,7 @@ use smpl_compiler::elaborate::{BUILTINS, Builtin};
 const BEGIN: &str = "<!-- functions -->\n";
 const END: &str = "<!-- end of functions -->\n";
 
-/// Functions that mean the same stand in one row.
+/// Functions with the same meaning share a row.
 fn table() -> String {
     let rows = BUILTINS.chunk_by(|a, b| a.meaning == b.meaning);
     rows.fold(String::from("| function | meaning |\n|---|---|\n"), |mut table, row: &[Builtin]| {

@@ -1,4 +1,4 @@
-//! What happens at the instants of an episode, and values of other instants.
+//! Statements at the instants of an episode, and values of other instants.
 
 mod running;
 

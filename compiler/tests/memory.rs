@@ -1,4 +1,4 @@
-//! What takes a compilation too far is refused before it takes the memory of the machine.
+//! Excessive compilations are refused before they take the memory of the machine.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -13,7 +13,7 @@ struct Counted;
 static HELD: AtomicUsize = AtomicUsize::new(0);
 static MOST: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call is the system allocator's; beside it numbers are counted.
+// SAFETY: every call is the system allocator's; in addition, numbers are counted.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         MOST.fetch_max(HELD.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);

@@ -1,4 +1,4 @@
-//! A statement of a variant replaces the one that it repeats and no other: a model is the same as the one with both statements, or with
+//! A statement of a variant replaces the one that it repeats and no other. A model is the same as the one with both statements, or with
 //! the second one alone, in its text.
 
 mod running;
@@ -6,7 +6,7 @@ mod running;
 use running::flat;
 use smpl_compiler::emit;
 
-/// What the statements stand in.
+/// Text around the statements.
 const REST: &str = "
 component Tap { port o : Stream ; var Q ; eq o.Q = Q ; eq Q = 1 }
 component Drain { port i : Stream ; state V = 0 in 0..10 ; eq d/dt V = i.Q / 1 [s] }

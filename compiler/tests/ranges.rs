@@ -160,7 +160,7 @@ fn algebraic_variables_with_two_indices_are_substituted_by_parts() {
 #[test]
 fn equations_that_a_loop_cannot_say_are_written_out() {
     let n = 20;
-    // A zero is no term: neither work nor an entry of the Jacobian.
+    // A zero is not a term: neither work nor an entry of the Jacobian.
     let rows: String = (1..=n).map(|i| format!("{i}: {}\n", i % 2)).collect();
     let table = model(n, &format!("table k[s] = {{\n{rows}}}\neq d/dt x[i] = -k[i]*(x[i] + x[{n} + 1 - i]) / 1 [s] for i in s"));
     check(n, &table, |x, i| if i % 2 == 0 { -(x[i] + x[n - 1 - i]) } else { 0.0 });
@@ -230,7 +230,7 @@ fn observations_of_a_whole_array_are_taken_apart() {
     }
 }
 
-/// Found by random models: the loop of an output over all elements is none over the last index.
+/// Found by random models: the loop of an output over all elements is not a loop over the last index.
 #[test]
 fn outputs_of_arrays_with_two_loops_go_row_by_row() {
     let mut r = Running::new(
@@ -311,7 +311,7 @@ fn a_long_table_over_time_takes_no_code_of_its_length() {
     assert!(large.model.code_len() < small.model.code_len() + 64, "{} and {} bytes", small.model.code_len(), large.model.code_len());
 }
 
-/// A table over `s`, another over pairs, and a model of both; read at the index, beside it, from the end and in sums.
+/// A table over `s`, another over pairs, and a model of both; read at the index, next to it, from the end and in sums.
 fn tables(n: usize) -> String {
     let rows = |entry: &dyn Fn(usize) -> String| (1..=n).map(|i| format!("{i}: {}\n", entry(i))).collect::<String>();
     let pairs: String = (1..=n).map(|i| format!("{i}: a = {}, b = {}\n", 1 + i % 5, 2 + i % 3)).collect();

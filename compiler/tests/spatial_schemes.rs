@@ -125,7 +125,7 @@ fn conserves(domain: &str, measure: &dyn Fn(usize, usize) -> f64, low_area: f64,
     (0..n).for_each(|i| r.y[i] = (7.3 * i as f64).sin());
     let total: f64 = r.rates().iter().enumerate().map(|(i, f)| f * measure(i, n)).sum();
     let expected = 2.5 * low_area - 0.75 * high_area;
-    assert!((total - expected).abs() < 1e-12 * 40.0, "{domain}: {total} in place of {expected}");
+    assert!((total - expected).abs() < 1e-12 * 40.0, "{domain}: {total} instead of {expected}");
 }
 
 #[test]

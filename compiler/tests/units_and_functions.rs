@@ -1,4 +1,4 @@
-//! Numbers that expressions give, against values worked out by hand.
+//! Values of expressions, compared with manually computed ones.
 
 mod running;
 
@@ -61,7 +61,7 @@ fn commensurable_units_convert_by_the_exact_factor() {
     assert_close(value("rad", "180 [deg]"), std::f64::consts::PI);
 }
 
-/// A number alone in a branch of an `if` is taken in the declared unit, as it is without the `if`; elsewhere beside a quantity it is dimensionless.
+/// A number alone in a branch of an `if` is taken in the declared unit, as it is without the `if`; elsewhere next to a quantity it is dimensionless.
 #[test]
 fn numbers_beside_percentages_and_angles_mean_one_thing() {
     assert_close(value("%", "if x > 5 then 100 else share"), 40.0);
@@ -80,7 +80,7 @@ fn numbers_beside_percentages_and_angles_mean_one_thing() {
     assert_close(value("%", "mod(1, share)"), 20.0);
 }
 
-/// What takes and gives pure numbers is a dimensionless quantity, of constants as of variables (x is 2): no number of the unit that a place
+/// A function of pure numbers is a dimensionless quantity, of constants as of variables (x is 2): no number of the unit that a place
 /// declares.
 #[test]
 fn functions_of_constants_are_dimensionless_quantities() {

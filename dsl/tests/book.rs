@@ -1,4 +1,4 @@
-//! The book's table of diagnostics is the registry's, with the way to each example or the reason why there is none.
+//! The book's table of diagnostics is the registry's, with a link to each example or the reason of its absence.
 //!
 //! `BLESS=1` writes it into the page.
 

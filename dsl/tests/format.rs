@@ -121,7 +121,7 @@ fn an_observation_may_begin_with_a_sign() {
     }
 }
 
-/// Found by fuzzing: the sign was taken for an operator once a blank stood before it.
+/// Found by fuzzing: the sign was treated as an operator after a blank.
 #[test]
 fn an_equation_may_begin_with_a_sign() {
     for text in ["eq-d/dt x = y\n", "eq -d/dt x = y\n", "eq - d/dt x = y\n"] {

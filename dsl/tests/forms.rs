@@ -13,7 +13,7 @@ fn expression(text: &str) -> Expr {
     }
 }
 
-/// One expression of each kind, with every part that a kind can have; each `q..` is a name that stands in an expression.
+/// One expression of each kind, with every part that a kind can have; each `q..` is a name in an expression.
 const KINDS: &[(&str, usize)] = &[
     ("3 [unit(q1)]", 1),
     ("q1.m", 1),

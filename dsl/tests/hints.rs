@@ -1,4 +1,4 @@
-//! What the parser advises for common slips.
+//! Advice of the parser for common slips.
 
 use smpl_dsl::parse;
 use smpl_dsl::span::FileId;

@@ -29,7 +29,7 @@ fn declared_units_convert_by_their_sizes() {
     let (own, faults) = OwnUnits::declared(file.statements.iter().map(|statement| &statement.kind));
     assert!(faults.is_empty(), "{faults:?}");
     let unit = |text: &str| resolve(&written(text), &own, &mut |_| Ok(Unit::one())).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
-    // By hand: 2.5 * 1000 USD in an hour are 2500 * 24 USD a day.
+    // Computed manually: 2.5 * 1000 USD in an hour are 2500 * 24 USD a day.
     assert_eq!(unit("rate").factor_to(&unit("USD/d")), Some(60_000.0));
     assert_eq!(unit("USD^2/kUSD").factor_to(&unit("USD")), Some(1e-3));
     assert_eq!(unit("USD").factor_to(&unit("kg")), None);

@@ -60,7 +60,7 @@ const CASES: [Case; 10] = [
 ];
 
 fn main() {
-    // `cargo bench` passes an option of its own; anything else selects models by a part of their names.
+    // `cargo bench` passes its own option; anything else selects models by a part of their names.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     for case in CASES.iter().filter(|case| wanted.is_empty() || wanted.iter().any(|part| case.model.contains(part.as_str()))) {
         run(case);
@@ -101,7 +101,7 @@ fn prepared(case: &Case, path: &Path, asked: &LoadOptions, rtol: Option<f64>) ->
     (environment, ResetOptions { start, ..ResetOptions::default() })
 }
 
-/// What an episode was like after each step.
+/// State of an episode after each step.
 #[derive(Default)]
 struct Trajectory {
     states: Vec<f64>,

@@ -17,7 +17,7 @@ use smpl_runtime::setup::Setup;
 /// Instances in motion at once.
 const WIDTH: usize = 50;
 
-/// How episodes ended: cause, their number, their steps.
+/// Ends of episodes: cause, their number, their steps.
 type Causes = BTreeMap<String, (u32, u64)>;
 
 fn main() -> Result<(), Box<dyn Error>> {

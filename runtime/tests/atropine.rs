@@ -91,7 +91,7 @@ fn trajectory(file: &str, suffix: &str, scenario: &str, tolerance: Option<(f64, 
     let Some(table) = reference::table(file) else { return };
     let mut start = BTreeMap::new();
     if file.contains("_2") {
-        let init = reference::table("atropine_2_init.csv").expect("it lies beside the others");
+        let init = reference::table("atropine_2_init.csv").expect("it is next to the others");
         start.extend(init.names().map(|n| (n.to_owned(), init.get(0, n))));
     }
     let mut replay = Replay::new("atropine.eq", scenario, tolerance);

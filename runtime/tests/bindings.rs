@@ -14,7 +14,7 @@ fn installed() -> Option<(PathBuf, String)> {
     Some((folder, version))
 }
 
-/// What the bindings assert of sizes and places, as C has it.
+/// Sizes and offsets of the bindings, as in C.
 fn assertions(bindings: &str) -> Vec<String> {
     let structure =
         |name: &str| if name.starts_with("_generic") || name.ends_with("_struct") { format!("struct {name}") } else { name.to_owned() };

@@ -18,7 +18,7 @@ fn environment(text: &str, method: Method) -> Environment {
     Environment::new(setup).expect("an environment")
 }
 
-/// The value of the solved variable `v` at the start, or why there is none.
+/// The value of the solved variable `v` at the start, or the reason of its absence.
 fn started(text: &str, method: Method) -> Result<f64, String> {
     let mut environment = environment(text, method);
     environment.reset(Some(0), &ResetOptions::default()).map_err(|error| error.to_string())?;

@@ -1,4 +1,4 @@
-//! Starts far from consistent, and what is said and shown where a start or a step fails.
+//! Starts far from consistent, and messages and pictures of failed starts and steps.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What time moves, by each method.
+//! Terms that depend on time, by each method.
 #![expect(clippy::duplicate_mod, reason = "the same cases by each method")]
 
 #[path = "forcings/cases.rs"]

@@ -1,5 +1,5 @@
 //! Systems of index above 1, and rates of expressions, against closed forms and reduced forms
-//! integrated by SciPy 1.x (`DOP853`, `rtol=1e-12`), by every method that takes algebraic unknowns,
+//! integrated by SciPy 1.x (`DOP853`, `rtol=1e-12`). Every method that takes algebraic unknowns runs
 //! in one long step and in many short ones.
 
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! What models declare as conserved is conserved along trajectories that are far from rest.
+//! Declared invariants of models are conserved along trajectories that are far from rest.
 
 use std::path::Path;
 

@@ -14,7 +14,7 @@ const TANKS: [&str; 19] = [
     "Xv1", "Xt1", "GLC1", "GLN1", "LAC1", "AMM1", "mAb1", "V1", "Xv2", "Xt2", "GLC2", "GLN2", "LAC2", "AMM2", "mAb2", "V2", "T", "h",
     "c_buf",
 ];
-/// The steady state of the page, where the slowest mode (29 h) is at rest to 5e-9; of it T moves to 37.000000422 by default and the others by less than 2e-8.
+/// The steady state of the page, where the slowest mode (29 h) is at rest to 5e-9. By default T moves to 37.000000422 and the others by less than 2e-8.
 const STEADY: [f64; 19] = [
     32634226513.896458,
     82361684406.46858,
@@ -101,7 +101,7 @@ fn the_default_scenario_follows_its_reference() {
     trajectory("mab_1_default.csv", "", "default");
 }
 
-/// Whole profiles of the column are in `mab_*_states.npz`; here the outlet tells: hours to 1, 10 and 50 % of the feed.
+/// Whole profiles of the column are in `mab_*_states.npz`; here the outlet shows: hours to 1, 10 and 50 % of the feed.
 fn breakthrough(scenario: &str, variants: &[&str], settings: &[(&str, f64)]) -> [f64; 3] {
     let last = format!("col.c[{}]", settings.iter().find(|s| s.0 == "n_z").map_or(150.0, |s| s.1));
     let variants = variants.iter().map(|v| Variant::parse(v)).collect();
@@ -128,7 +128,7 @@ fn breakthrough(scenario: &str, variants: &[&str], settings: &[(&str, f64)]) -> 
 
 #[test]
 fn a_fresh_column_breaks_through_when_published() {
-    // Section 7: both scenarios, each mend of the column alone with all else as in the original, and finer grids.
+    // Section 7: both scenarios, each correction of the column alone with all else as in the original, and finer grids.
     let mended = |name: &'static str| ("legacy", vec![name], vec![]);
     let grid = |scenario, cells: f64, beads: f64| (scenario, vec![], vec![("n_z", cells), ("n_r", beads)]);
     let cases = [

@@ -35,7 +35,7 @@ fn start(replay: &mut Replay, states: BTreeMap<String, f64>, phase: f64) {
     replay.start_with(&ResetOptions { start: Start::Nominal, state: StateInput::Named(states), discrete, ..ResetOptions::default() });
 }
 
-/// What the reference records of a phase: outlets of both units, then what they hold.
+/// Records of a phase in the reference: outlets of both units, then what they hold.
 fn recorded(replay: &Replay, phase: &str) -> Vec<(&'static str, f64)> {
     let [first, second] = match phase {
         "elute" => ["PA", "VI"],
@@ -67,7 +67,7 @@ fn follow(replay: &mut Replay, table: &Table, rows: &[usize], phase: &str, sampl
     let mut step = 0;
     for &row in rows {
         let until = (time(row) / sampling).round() as usize;
-        assert!((until as f64 * sampling - time(row)).abs() < 1e-9, "{phase}: {} is no multiple of {sampling}", time(row));
+        assert!((until as f64 * sampling - time(row)).abs() < 1e-9, "{phase}: {} is not a multiple of {sampling}", time(row));
         for _ in step..until {
             assert_eq!(replay.step_with(&[0.0]).failure, None, "{phase}");
         }

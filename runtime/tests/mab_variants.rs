@@ -1,4 +1,4 @@
-//! What each choice of MAb changes (section 7 of its specification), one of them mended and all else as in the original. The choices of the column are in
+//! Effect of each choice of MAb (section 7 of its specification), one of them corrected and all else as in the original. The choices of the column are in
 //! `mab.rs`: they show in the breakthrough.
 
 mod support;
@@ -12,8 +12,8 @@ use smpl_runtime::scenario::{Value, Variant};
 use support::replay::Replay;
 
 /// `legacy` with one choice as by default, or `legacy` itself.
-fn legacy(mended: Option<&str>, settings: &[(&str, f64)]) -> Replay {
-    let variants = mended.into_iter().map(|name| Variant { name: name.into(), option: Some("default".into()) }).collect();
+fn legacy(corrected: Option<&str>, settings: &[(&str, f64)]) -> Replay {
+    let variants = corrected.into_iter().map(|name| Variant { name: name.into(), option: Some("default".into()) }).collect();
     let settings = settings.iter().map(|&(n, v)| (n.to_owned(), Value::Number(v))).collect();
     Replay::with("mab.eq", &LoadOptions { scenario: Some("legacy".into()), variants, settings, ..LoadOptions::default() }, None)
 }
@@ -63,8 +63,8 @@ fn every_choice_of_the_specification_is_there() {
 
 #[test]
 fn the_unit_of_the_jacket_shows_in_the_temperature() {
-    for (mended, expected) in [(None, 37.00000036795219), (Some("jacket_unit"), 37.000000422)] {
-        let mut replay = legacy(mended, &[]);
+    for (corrected, expected) in [(None, 37.00000036795219), (Some("jacket_unit"), 37.000000422)] {
+        let mut replay = legacy(corrected, &[]);
         replay.start(BTreeMap::new());
         assert!((replay.get("T") - expected).abs() < 1e-9, "{}", replay.get("T"));
     }
@@ -72,16 +72,16 @@ fn the_unit_of_the_jacket_shows_in_the_temperature() {
 
 #[test]
 fn the_unit_of_the_separator_shows_in_the_reward() {
-    for (mended, expected) in [(None, 1349.4987), (Some("productivity_unit"), 2419.42)] {
-        let result = first(&mut legacy(mended, &[]), &[], &[]);
-        assert!((result.reward - expected).abs() < 6e-3, "{mended:?}: {}", result.reward);
+    for (corrected, expected) in [(None, 1349.4987), (Some("productivity_unit"), 2419.42)] {
+        let result = first(&mut legacy(corrected, &[]), &[], &[]);
+        assert!((result.reward - expected).abs() < 6e-3, "{corrected:?}: {}", result.reward);
     }
 }
 
 #[test]
 fn the_yield_counts_the_step_or_its_end() {
-    for mended in [None, Some("yield_window")] {
-        let mut replay = legacy(mended, &[]);
+    for corrected in [None, Some("yield_window")] {
+        let mut replay = legacy(corrected, &[]);
         replay.start(BTreeMap::new());
         let action = nominal(&replay);
         for _ in 0..30 {
@@ -89,11 +89,11 @@ fn the_yield_counts_the_step_or_its_end() {
         }
         let made = replay.get("mAb1") * action[1] + replay.get("mAb2") / 200.0 * action[3];
         // At constant inflow the share of the step is what the column bound over what it was fed.
-        let share = match mended {
+        let share = match corrected {
             None => 1.0 - replay.get("col.c[150]") / (replay.get("col.c[1]") + 1e-8),
             Some(_) => replay.get("reward.captured") / (action[7] * replay.get("c_buf")),
         };
-        assert!(share < 0.95 && (replay.get("reward.yield") / (made * share) - 1.0).abs() < 1e-7, "{mended:?}: {share}");
+        assert!(share < 0.95 && (replay.get("reward.yield") / (made * share) - 1.0).abs() < 1e-7, "{corrected:?}: {share}");
     }
 }
 
@@ -118,8 +118,8 @@ fn an_episode_has_200_steps_or_201() {
 
 #[test]
 fn a_wide_start_is_clipped_into_the_box_or_not() {
-    let outside = |mended| {
-        let mut replay = legacy(mended, &[("spread", 0.1)]);
+    let outside = |corrected| {
+        let mut replay = legacy(corrected, &[("spread", 0.1)]);
         let starts = (0..40).filter(|&seed| {
             replay.environment.reset(Some(seed), &ResetOptions::default()).expect("a start");
             replay.collect();
@@ -143,18 +143,18 @@ fn the_box_has_a_tolerance_or_not() {
 
 #[test]
 fn the_tank_is_guarded_or_runs_dry() {
-    for (mended, level) in [(None, 1e-6), (Some("tank_guard"), 0.1)] {
-        let mut replay = legacy(mended, &[]);
+    for (corrected, level) in [(None, 1e-6), (Some("tank_guard"), 0.1)] {
+        let mut replay = legacy(corrected, &[]);
         let result = first(&mut replay, &[], &[(3, 18.0), (7, 49.0)]);
-        assert!(result.failure.is_some(), "{mended:?}");
-        assert!((replay.get("h") - level).abs() < 1e-6, "{mended:?}: {}", replay.get("h"));
+        assert!(result.failure.is_some(), "{corrected:?}");
+        assert!((replay.get("h") - level).abs() < 1e-6, "{corrected:?}: {}", replay.get("h"));
     }
 }
 
 #[test]
 fn actions_are_rounded_to_single_precision_or_not() {
-    let volume = |mended| {
-        let mut replay = legacy(mended, &[]);
+    let volume = |corrected| {
+        let mut replay = legacy(corrected, &[]);
         first(&mut replay, &[("V1", 2500.0)], &[(0, 21.7), (1, 21.7 + 0.0050014)]);
         replay.get("V1")
     };

@@ -60,7 +60,7 @@ fn flow(environment: &Environment, name: &str) -> f64 {
     environment.discretes()[element.at]
 }
 
-/// Whether an error is the worst so far; one that is no number is.
+/// Returns `true` for the worst error so far, or for NaN.
 fn worse(error: f64, than: f64) -> bool {
     error.is_nan() || error > than
 }

@@ -18,7 +18,7 @@ fn allocations() -> u64 {
     ALLOCATIONS.with(Cell::get)
 }
 
-// The C library's own names for its allocator: what `malloc` is when nobody takes its place.
+// The C library's own names for its allocator: `malloc` if it is not replaced.
 unsafe extern "C" {
     fn __libc_malloc(size: usize) -> *mut c_void;
     fn __libc_calloc(count: usize, size: usize) -> *mut c_void;

@@ -226,7 +226,7 @@ fn an_unsolvable_algebraic_equation_is_an_error_of_the_restart() {
 
 #[test]
 fn an_implicit_system_finds_its_derivatives() {
-    // 2 y0' + y1' = -3 y0, y0' + y1' = -2 y0 + y2, 0 = y2 - y1: hence y0' = -y0 - y1 and y1' = -y0 + 2 y1.
+    // 2 y0' + y1' = -3 y0, y0' + y1' = -2 y0 + y2, 0 = y2 - y1 and therefore y0' = -y0 - y1 and y1' = -y0 + 2 y1.
     let mut problem = Problem::ode(
         vec![1.0, 0.5, 0.0],
         vec![],
@@ -319,11 +319,11 @@ fn events_stop_with_their_direction_and_quadratures_begin_at_zero() {
     }
 }
 
-/// A pendulum of small swings, x'' = -x from x = 0 at speed 1, with roots where it passes the lowest and half of the highest point,
-/// and the integral of its speed.
+/// A pendulum of small swings, x'' = -x from x = 0 at speed 1, and the integral of its speed. Roots are where it passes the lowest
+/// and half of the highest point.
 struct Pendulum {
     pattern: Pattern,
-    /// Wants the derivatives for the root functions.
+    /// Requires the derivatives for the root functions.
     looks_at_derivatives: bool,
 }
 
@@ -420,7 +420,7 @@ fn events_are_watched_on_from_advance_to_advance() {
     // What was integrated before the event counts.
     assert!((ida.quadratures()[0] - (0.5 - 0.1_f64.sin())).abs() < 1e-6);
     let (t, state) = (ida.time(), ida.state().to_vec());
-    assert!(ida.advance(&mut pendulum, 3.0).is_err(), "an event wants a restart");
+    assert!(ida.advance(&mut pendulum, 3.0).is_err(), "an event requires a restart");
     ida.restart(&mut pendulum, t, &state, None).expect("consistent");
     assert_eq!(ida.advance(&mut pendulum, 3.0), Ok(Advance::Event));
     assert!((ida.time() - 5.0 * std::f64::consts::FRAC_PI_6).abs() < 1e-6);
@@ -428,7 +428,7 @@ fn events_are_watched_on_from_advance_to_advance() {
 
 #[test]
 fn klu_solves_systems_without_a_diagonal() {
-    // y' = -z1, 0 = z2 - y, 0 = z1 - 2 z2: the algebraic rows stand crosswise; y = exp(-2 t).
+    // y' = -z1, 0 = z2 - y, 0 = z1 - 2 z2: the algebraic rows are crosswise; y = exp(-2 t).
     let pattern = Pattern::new(vec![0, 2, 4, 6], vec![0, 1, 0, 2, 1, 2]).expect("a pattern");
     let mut problem = Problem::ode(
         vec![1.0, 0.0, 0.0],

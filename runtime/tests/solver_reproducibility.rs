@@ -5,7 +5,7 @@ use std::thread;
 use smpl_runtime::solver::problems::{self, Problem};
 use smpl_runtime::solver::{FirstStep, Ida, Integrator, LinearSolver, Method, Settings, System, integrator};
 
-/// What takes the steps of a kind of episode, its problem and its linear solver.
+/// Method of a kind of episode, its problem and its linear solver.
 fn problem(kind: usize) -> (Problem, LinearSolver) {
     match kind % 5 {
         0 => (problems::stirred_tank(), LinearSolver::Dense),

@@ -163,7 +163,7 @@ fn what_is_filled_is_not_conserved_and_the_actions_that_fill_it_are_named() {
                 the actions F and G act on them: give them other values; or hold states, `steady { a = ..., b = ... }` in the model, or \
                 `--fix a=... --fix b=...`";
     assert_eq!(error, said);
-    // At the actions at which nothing flows, each may stand anywhere: it integrates.
+    // At the actions at which nothing flows, each may have any value: it integrates.
     let resting = tanks.replace("F = 3", "F = 0").replace("G = 5", "G = 3");
     let error = solved(&resting, None).expect_err("not determined").to_string();
     assert!(

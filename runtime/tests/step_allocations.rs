@@ -58,8 +58,8 @@ fn steps_of_reactor_and_beer_allocate_nothing() {
     }
 }
 
-/// A tank that empties through a valve, with everything that a step can meet: an algebraic loop, an event that runs, a switch of the equations, a
-/// break in time that a parameter moves, updates at both ends, a computed parameter and a reward that is an integral.
+/// A tank that empties through a valve, with all parts of a step. It has an algebraic loop, an event, a switch of the equations and a break
+/// in time that a parameter moves. A step has updates at both ends, a computed parameter and a reward that is an integral.
 const TANK: &str = "model Tank\nparam k : 1/s = 0.5\nparam k_2 : 1/s = 2*k\nparam begin : s = 0.31\naction u = 1 in 0..2\n\
     discrete open = 1\nstate h = 2\nstate c = 1\nvar q\n\
     eq q + 0.1*q^3 = open*h\neq d/dt h = u*1[1/s] - k*q + (if t > begin then 0.4 else 0)*1[1/s]\n\

@@ -1,4 +1,4 @@
-"""A tank whose level of 1 m is the steady state of its nominal inflow: a model that is none of the package."""
+"""A tank whose level of 1 m is the steady state of its nominal inflow: a model outside the package."""
 
 TANK = """
 model Tank

@@ -1,4 +1,4 @@
-"""How objects are shown, and what wrong uses are answered by."""
+"""Representations of objects, and answers to wrong uses."""
 
 import pickle
 

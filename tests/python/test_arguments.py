@@ -1,4 +1,4 @@
-"""What is given and cannot be meant is refused with the name of the argument, and what should have been given."""
+"""Invalid arguments are refused with the name of the argument and the expected value."""
 
 import gymnasium
 import numpy as np

@@ -57,7 +57,7 @@ def test_a_search_that_was_stopped_goes_on_as_one_that_was_not(tmp_path):
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @pytest.mark.parametrize("refit", [0.0, 0.5])
 def test_the_point_asked_for_has_the_largest_expected_improvement_given_all_that_is_known(refit):
-    """Beside a Gaussian process written out here; its hyperparameters are scikit-learn's of the first ones."""
+    """Compared with a Gaussian process written out here; its hyperparameters are scikit-learn's of the first ones."""
     from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
     x = np.array([0.1, 0.35, 0.6, 0.9, 0.2, 0.75, 0.5])

@@ -47,7 +47,7 @@ def first_observation(env):
 
 
 def steps_until_failure(env):
-    """How many steps an episode has, and why it ends."""
+    """Number of steps of an episode, and the reason of its end."""
     env.reset(seed=0)
     for step in range(1, 51):
         *_, terminated, truncated, info = env.step(np.zeros(1))

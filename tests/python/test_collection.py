@@ -678,7 +678,7 @@ def test_a_model_whose_file_has_changed_since_it_was_compiled_is_refused(tmp_pat
 
 
 class Raising:
-    """A controller with a fault of its own."""
+    """A controller with an error in its code."""
 
     def __init__(self, where):
         self.where = where

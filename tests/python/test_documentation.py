@@ -1,4 +1,4 @@
-"""What README and tutorial show is what happens."""
+"""README and tutorial show the actual results."""
 
 import re
 import subprocess

@@ -296,7 +296,7 @@ episode {{ step = 0.5 [min], max_steps = 30 }}
 
 
 def test_a_reading_of_a_drawn_parameter_is_read():
-    """The nominal start has the mean of the parameter, 4, not the number that stands in the text."""
+    """The nominal start has the mean of the parameter, 4, not the number in the text."""
     source = """model Gain
 time t : min
 param g = 5 ~ uniform(3, 5)

@@ -125,7 +125,7 @@ def test_minari_is_not_given_an_environment_of_another_reward_or_scenario_withou
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         to_minari("reactor/same-v0", episodes, recorded)
-    assert not any("repeat" in str(one.message) for one in said)  # Minari has some of its own
+    assert not any("repeat" in str(one.message) for one in said)  # Minari has some itself
     other = {"reward": "setpoint"}, {"reward": "setpoint_change", "settings": {"k_0": 7e10}}
     for number, arguments in enumerate(other):
         with pytest.warns(UserWarning, match="does not repeat the episodes"):
@@ -232,7 +232,7 @@ def write_batch(path, rows, header=HEADER):
 
 
 def test_files_of_penicillin_pair_the_observation_before_with_action_and_reward_of_a_row(tmp_path):
-    # Cell = 100 * row + column, so that each one tells where it came from.
+    # Cell = 100 * row + column, so that each one shows its origin.
     rows = [[100.0 * row + column for column in range(len(HEADER))] for row in range(1150)]
     write_batch(tmp_path / "random_batch_0.csv", rows)
     write_batch(tmp_path / "random_batch_1.csv", rows[:3])

@@ -70,7 +70,7 @@ def test_every_variant_has_the_residual_of_the_machine_code(name):
         try:
             model = smpl.compile(name, variants=[variant])
         except (smpl.CompileError, smpl.ScenarioError):
-            continue  # variants that want others
+            continue  # variants that require others
         compare(model, 10)
 
 
@@ -146,7 +146,7 @@ def test_large_models_are_exported_in_two_seconds(name):
     model = smpl.compile(name)
     begin = time.perf_counter()
     functions = smpl.export.casadi(model)
-    assert time.perf_counter() - begin < 4.0  # twice, for a machine that does other things beside it
+    assert time.perf_counter() - begin < 4.0  # twice, for a machine with other load
     assert functions.kind == "MX"
 
 

@@ -1,4 +1,4 @@
-"""What docs/export.md and the header show is what happens."""
+"""docs/export.md and the header show the actual results."""
 
 import re
 import shutil

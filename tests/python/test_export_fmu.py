@@ -134,7 +134,7 @@ def test_an_fmu_of_every_variant_gives_the_rates_of_the_machine_code(folder, nam
         try:
             smpl.compile(name, variants=[variant])
         except (smpl.CompileError, smpl.ScenarioError):
-            continue  # variants that want others
+            continue  # variants that require others
         compare(make(folder, name, {"variants": [variant]}), 100, variant == "batch_sugar")
 
 
@@ -423,7 +423,7 @@ def test_events_come_at_their_times_in_both_interfaces(ball):
     )
     jumps = np.flatnonzero((np.diff(exchange["time"]) == 0) & (np.diff(exchange["v"]) > 0.1))
     np.testing.assert_allclose(exchange["time"][jumps], expected, rtol=1e-7)
-    # In co-simulation events are inside of steps: the height after the fourth bounce tells when it was.
+    # In co-simulation events are inside of steps: the height after the fourth bounce shows its time.
     instance = Instance(ball[2], ball[3], "co-simulation")
     instance.fmu.enterInitializationMode()
     instance.fmu.exitInitializationMode()

@@ -54,7 +54,7 @@ def test_the_tree_of_every_variant_gives_the_residual_of_the_machine_code(name):
         try:
             model = smpl.compile(name, variants=[variant])
         except (smpl.CompileError, smpl.ScenarioError):
-            continue  # variants that want others
+            continue  # variants that require others
         compare(model, 10)
 
 
@@ -80,7 +80,7 @@ def test_the_text_follows_the_schema():
 
 
 def round_trip(model, folder, count=20):
-    """What is read from the JSON of a model is written as the same bytes and computes the same bits."""
+    """A model read from JSON is written as the same bytes and computes the same bits."""
     text = smpl.export.text(model, "json")["json"]
     path = folder / "model.json"
     path.write_text(text, encoding="utf-8")
@@ -108,7 +108,7 @@ def test_every_variant_is_read_from_its_json_as_it_was(name, tmp_path):
         try:
             model = smpl.compile(name, variants=[variant])
         except (smpl.CompileError, smpl.ScenarioError):
-            continue  # variants that want others
+            continue  # variants that require others
         round_trip(model, tmp_path, 5)
 
 

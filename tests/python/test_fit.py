@@ -543,7 +543,7 @@ def test_every_run_of_a_table_of_many_is_one(tmp_path):
     k, g, count = 0.7, 1.5, 6
     rows = ["run,step,time,x,w,obs.y"]
     for run in range(2):
-        # What stands at the start is no disturbance of a step.
+        # A value at the start is not a disturbance of a step.
         x, w = 2.0 + run, [9.0, *np.random.default_rng(run).normal(0, 1, count)]
         for step in range(count + 1):
             if step:

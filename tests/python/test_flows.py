@@ -61,7 +61,7 @@ def test_a_feed_without_the_substance_is_no_wall(declarations, end):
     env = bed("v*c[z]", end, declarations)
     for t in (1.0, 2.0, 3.0):
         env.step([-1.0])
-        # What stands in three cells in a row is washed out.
+        # The content of three cells in a row is washed out.
         first, second, third = env.state
         assert third == pytest.approx(2 * np.exp(-t), rel=1e-6)
         assert second == pytest.approx(2 * np.exp(-t) * (1 + t), rel=1e-6)

@@ -261,7 +261,7 @@ def test_the_centre_may_be_any_policy_of_the_model():
         batch.reset(seed=0)
         single.reset(seed=0)
         for k, given in enumerate(actions):
-            # dx/dt = u - x over half a second, u held: by hand.
+            # dx/dt = u - x over half a second, u held: closed form.
             x, a = batch.state[:, 0], 0.5 * given[:, 0]
             middle = np.clip(chosen(x, k), -5, 5)
             u = middle + a * np.where(a < 0, middle + 5, 5 - middle)

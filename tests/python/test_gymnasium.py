@@ -1,4 +1,4 @@
-"""What Gymnasium, and those who rely on it, expect of an environment."""
+"""Conventions of environments: of Gymnasium, and of packages that rely on it."""
 
 import json
 import subprocess

@@ -37,7 +37,7 @@ class Start:
         return dict(zip(self.near, found.x, strict=True))
 
     def scipy_solves(self):
-        """Whether SciPy's hybrid method solves it from the same guess."""
+        """True if SciPy's hybrid method solves it from the same guess."""
         with np.errstate(all="ignore"):
             try:
                 found, _, flag, _ = scipy.optimize.fsolve(self.residual, list(self.guess.values()), full_output=True)

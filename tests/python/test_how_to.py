@@ -3,10 +3,10 @@ of the library and on limits run as printed.
 
 A section of a page, or a tutorial, is one task in a folder that holds `tank.eq` of the first page:
 
-- a block with `title="NAME"` is the file NAME; a model must compile, unless its name begins with `faulty`;
-- a block `eq` without a title is appended to `tank.eq`;
-- blocks `python` run one after another in one scope, blocks `sh` in a shell;
-- a block `text` that follows one of them is its output: numbers agree to the digits printed, `...` matches anything.
+- A block with `title="NAME"` is the file NAME; a model must compile, unless its name begins with `faulty`.
+- A block `eq` without a title is appended to `tank.eq`.
+- Blocks `python` run one after another in one scope, blocks `sh` in a shell.
+- A block `text` that follows one of them is its output: numbers agree to the digits printed, `...` matches anything.
 
 A section that names an extra (``extra `sb3` ``) or a package (`pip install NAME`) is skipped where it is not installed.
 """

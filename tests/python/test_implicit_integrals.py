@@ -1,4 +1,4 @@
-"""Integrals beside the states of models whose rates are implicit."""
+"""Integrals in addition to the states of models with implicit rates."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def expected():
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-10, 1e-11, 1e-12, 1e-13])
 def test_an_algebraic_variable_that_follows_a_rate_does_not_stop_a_tight_tolerance(expected, rtol):
-    """What the integral looks at is no part of the error test where it follows a rate, which jumps with the order."""
+    """An integrand that follows a rate is not part of the error test: rates jump with the order."""
     model = smpl.compile(source=FOLLOWING, settings={"rtol": rtol})
     assert not model.explicit
     env = smpl.Env(model, normalize=False)

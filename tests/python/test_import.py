@@ -17,7 +17,7 @@ ENDINGS = ("reward", "terminated", "truncated")
 
 
 class Said:
-    """What a command ended with and said."""
+    """Exit status and output of a command."""
 
     def __init__(self, status, error):
         self.status = status

@@ -137,7 +137,7 @@ def test_priorities_that_change_decide_at_the_time_of_the_execution(run):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("early", "expected"), [(True, 1.0), (False, 1.6)])
 def test_a_delayed_event_acts_after_its_delay(run, method, early, expected):
-    # x = t passes 1 and the event acts at 1.6, with x as it was at 1 or as it is at 1.6.
+    # x = t passes 1 and the event acts at 1.6, with x at 1 or at 1.6.
     text = sbml(
         parameters({"x": 0.0, "y": -1.0}, {"x": 1})
         + events(event("E", ("gt", "x", 1), {"y": "x"}, delay=0.6, early=early))

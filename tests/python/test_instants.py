@@ -1,4 +1,4 @@
-"""What `previous(e)` and `initial(e)` are where `e` depends on time, and rates on the right side of other equations.
+"""`previous(e)` and `initial(e)` of an `e` that depends on time, and rates in other equations.
 
 x is the time itself, `t` seconds.
 """

@@ -51,7 +51,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="signals and for
 
 
 class Stop(Exception):
-    """What the handler of the signal raises."""
+    """Exception of the handler of the signal."""
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ def test_a_batch_does_not_see_what_other_threads_write_into_its_actions():
     writer = threading.Thread(target=scribble)
     writer.start()
     interval = sys.getswitchinterval()
-    sys.setswitchinterval(10)  # nobody else runs before the step releases the lock
+    sys.setswitchinterval(10)  # no other thread runs before the step releases the lock
     try:
         busy.set()
         observations = env._native.step(actions)[0]

@@ -21,7 +21,7 @@ episode { step = 1 [s], max_steps = 8 }
 
 @pytest.fixture
 def page_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a page in place of the bundled one, and no files of the user."""
+    """A folder with a page instead of the bundled one, and no files of the user."""
     dist = tmp_path / "dist"
     dist.mkdir()
     (dist / "index.html").write_text("<!doctype html>live", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Long tables over time are searched, tables over a range looked up: what they give, beside NumPy and SciPy."""
+"""Values of long tables over time (search) and over a range (lookup), compared with NumPy and SciPy."""
 
 import re
 from pathlib import Path

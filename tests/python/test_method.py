@@ -1,4 +1,4 @@
-"""What takes the steps, chosen in Python, in a model, in a scenario."""
+"""The method of integration, chosen in Python, in a model, in a scenario."""
 
 import json
 
@@ -288,7 +288,7 @@ def test_an_event_where_the_equations_turn_round_happens(method, than, rate):
 
 
 PEAK = """
-model Peak "an oscillation beside its limit"
+model Peak "an oscillation near its limit"
 time t : s
 param limit = 0.8
 state x = 0 in -2..2

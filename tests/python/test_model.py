@@ -119,7 +119,7 @@ def test_doubts_of_the_compiler_are_warnings():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert smpl.compile(source=text.replace("+ 1", "+ 1 [%]")).warnings == ()
-        assert smpl.compile("reactor", scenario="legacy").warnings  # published, and said in the text
+        assert smpl.compile("reactor", scenario="legacy").warnings  # published, and stated in the text
 
 
 def test_a_model_can_be_made_of_its_text():

@@ -1,4 +1,4 @@
-"""`smpl doc`: every named thing of a model stands on its page."""
+"""`smpl doc`: the page of a model has all of its names."""
 
 import re
 import subprocess
@@ -35,7 +35,7 @@ def page(model: str) -> str:
 
 
 def quoted(name: str, text: str) -> bool:
-    """Whether a name stands on a page as a word of a program, or as the function of an equation."""
+    """True if a page has a name as a word of a program, or as the function of an equation."""
     code = re.search(rf"`(?:episode |solver )?{re.escape(name)}(?:\[[^`]*)?(?: = [^`]*)?`", text)
     return bool(code) or typeset(name) in text
 
@@ -75,7 +75,7 @@ def test_every_name_of_the_compiled_model_stands_on_the_page(model):
         *names.discrete_names,
         *names.parameter_names,
     ]
-    # Members stand with their ports.
+    # Members are listed with their ports.
     members = {number for port in names.ports.values() for numbers in port.members.values() for number in numbers}
     known += [name for name in names.algebraic_names if name not in members]
     known += [*names.ports]

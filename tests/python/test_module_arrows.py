@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 RECURSIVE = {
     # A unit may be one of an expression, and a number of an expression has a unit.
     "dsl": {frozenset({"parse::expression", "parse::unit"})},
-    # An index may be computed from parameters, whose values stand in loops over ranges of such indices.
+    # An index may be computed from parameters, whose values occur in loops over ranges of such indices.
     "compiler": {frozenset(f"elaborate::lower::{name}" for name in ("binders", "defaults", "nests", "structural"))},
 }
 

@@ -231,7 +231,7 @@ def test_bounds_in_conflict_are_reported():
     assert controller.fallbacks == 1
     assert "T_c is at its lower bound 15 degC" in controller.conflicts
     assert (action >= env.action_low).all() and (action <= env.action_high).all()
-    # The same bound as a wish is no conflict.
+    # The same bound as a soft one does not conflict.
     soft = NMPC(env, 5, WEIGHTS, bounds={"T": (None, 45.0)})
     np.testing.assert_allclose(decide(soft, env)[0], 15.0, atol=1e-4)
     assert soft.fallbacks == 0 and not soft.conflicts

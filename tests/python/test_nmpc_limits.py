@@ -158,7 +158,7 @@ def test_a_distance_is_minimised_up_to_its_kink():
 
 
 def drum_rates(x, u):
-    """Rates of DRUM, solved from its two balances by hand-written formulas and NumPy."""
+    """Rates of DRUM, solved from its two balances by explicit formulas and NumPy."""
     (p, V), (Q, q_f) = x, u
     y = (p - 8.5e6) / 1e6
     r_s, r_w, h_s, h_w = 44.3 + 6.6 * y, 713 - 17.6 * y, 2.752e6 - 1.53e4 * y, 1.341e6 + 4.6e4 * y
@@ -222,7 +222,7 @@ sys.path.insert(0, {folder!r})
 import test_nmpc_limits as cases
 solver = {solver!r}
 env = cases.begun(cases.PLANE, [0.0, 0.0])
-# Without the move of the guess away from the kink fatrop has no end of its own.
+# Without the move of the guess away from the kink fatrop does not end by itself.
 if solver == "fatrop":
     Guesses.finite = lambda self, x, p: x
 iterations = None if solver == "fatrop" else 10**7

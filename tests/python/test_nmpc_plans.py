@@ -1,4 +1,4 @@
-"""Plans of the predictive controller between sampling instants, at kinks, and beside an optimiser of SciPy."""
+"""Plans of the predictive controller between sampling instants, at kinks, and compared with SciPy."""
 
 import warnings
 

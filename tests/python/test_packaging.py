@@ -1,4 +1,4 @@
-"""What a source distribution and a wheel carry."""
+"""Contents of a source distribution and of a wheel."""
 
 import re
 import shutil
@@ -34,7 +34,7 @@ def test_the_source_distribution_has_all_models_and_modules(archive):
 
 
 def read_by_commands():
-    """Files of the package that are no modules: what its commands read."""
+    """Files of the package that are not modules: data of its commands."""
     every = (path for path in ROOT.glob("python/smpl/**/*") if path.is_file())
     return {path for path in every if path.suffix not in (".py", ".so", ".pyc") and "models" not in path.parts}
 

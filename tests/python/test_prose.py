@@ -41,10 +41,19 @@ LONG = " ".join(["word"] * 31)
         ("a.rs", f"// {'long ' * 25}\n", ["width"]),
         ("a.rs", f'const TEXT: &str = "{"x" * 110}";\n', []),
         ("a.py", 'def f():\n    """Where to look."""\n    raise ValueError("x is at fault")\n', ["opening", "idiom"]),
+        ("a.py", f'def f():\n    """Items:\n\n    - {LONG[:84]}.\n    - {LONG[:84]}.\n    """\n', []),
+        (
+            "tests/a.py",
+            f'def test_f():\n    """What is tested: {"x" * 99}."""\n    assert f("x is no y")\n',
+            ["opening"],
+        ),
         ("a.py", "if x is None:  # the default\n    y = f'{x} is None'\n", []),
     ],
 )
-def test_departures_from_the_rules_are_found(prose: ModuleType, tmp_path: Path, name: str, text: str, rules: list[str]) -> None:
+def test_departures_from_the_rules_are_found(
+    prose: ModuleType, tmp_path: Path, name: str, text: str, rules: list[str]
+) -> None:
     prose.ROOT = tmp_path
+    (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text(text)
     assert sorted(one.rule for one in prose.check(tmp_path / name)) == sorted(rules)

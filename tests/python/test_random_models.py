@@ -1,11 +1,11 @@
-"""Random models against an evaluation of their own in NumPy.
+"""Random models against an independent evaluation in NumPy.
 
 Nothing of the compiler has a part in the expected numbers: `random_models` writes a model and evaluates its own
 expressions, with derivatives by a complex step. A failure shows the text of the model, its seed and the difference.
 
     SMPL_RANDOM_MODELS=1000:5000 pytest tests/python/test_random_models.py
 
-runs the seeds 1000 to 4999 in place of the usual ones; a single number runs that seed alone.
+runs the seeds 1000 to 4999 instead of the usual ones; a single number runs that seed alone.
 """
 
 import os

@@ -10,11 +10,13 @@ from reduced import HEAD, follows, solved
 
 
 def network(seed, nodes, loops, cut_sets):
-    """A random network: a capacitor from each node to the ground, more between nodes (loops of capacitors), resistors,
-    and stars of three inductors whose middle has nothing else (cut sets of inductors).
+    """A random network of capacitors, resistors and inductors.
 
-    Returns the text with the equations of all elements, and the start and the rates of the form reduced by hand: node
-    potentials by the matrix of capacitances, potentials of the stars from the sum of their currents.
+    Capacitors connect each node to the ground, and some pairs of nodes (loops of capacitors). Inductors form stars of
+    three whose middle has nothing else (cut sets of inductors).
+
+    Returns the text with the equations of all elements, and the start and the rates of the manually reduced form. Node
+    potentials follow from the matrix of capacitances, potentials of the stars from the sum of their currents.
     """
     rng = np.random.default_rng(seed)
 

@@ -1,7 +1,7 @@
 """Process models of index above 1, written with all their balances and constraints, against hand-reduced forms.
 
-Every reference is a system of ordinary differential equations derived by hand, integrated by SciPy (`DOP853` or
-`LSODA`), with the constraint solved for; each model runs by all methods, in one long step and in many short ones.
+Every reference is a system of ordinary differential equations derived manually, integrated by SciPy (`DOP853` or
+`LSODA`), with the constraint solved for. Each model runs by all methods, in one long step and in many short ones.
 """
 
 import numpy as np

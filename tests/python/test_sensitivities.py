@@ -322,7 +322,7 @@ def test_a_bounce_is_crossed_by_its_jump_condition():
     assert found.dx_dx.shape == (2, 2) and found.dr_dx.shape == (1, 2)
 
 
-SAWTOOTH = """model Sawtooth "a saw of two teeth beside {cells} cells that it does not move"
+SAWTOOTH = """model Sawtooth "a saw of two teeth next to {cells} cells that it does not move"
 time t : s
 param top = 0.63 in 0..2
 state x = 0.1 in 0..10

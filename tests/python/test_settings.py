@@ -1,4 +1,4 @@
-"""What is set of a model is what is simulated, or is refused: parameters, arrays, ranges, records."""
+"""Settings of a model are simulated or refused: parameters, arrays, ranges, records."""
 
 import re
 from pathlib import Path

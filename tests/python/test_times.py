@@ -1,4 +1,4 @@
-"""Tables whose rows have times of their own: replays of inputs, and fits to samples at any times."""
+"""Tables whose rows have arbitrary times: replays of inputs, and fits to samples at any times."""
 
 import subprocess
 import sys

@@ -85,7 +85,7 @@ def test_a_file_of_another_study_is_refused(tmp_path):
     tune(SEARCH, path, 1, objective=bowl)
     with pytest.raises(ValueError, match=r"another study \(it differs in: algorithm, seed\)"):
         tune(replace(SEARCH, seed=9, algorithm="A2C"), path, 1, objective=bowl)
-    (tmp_path / "text").write_text("this is no database, but a text of more than a hundred characters " * 9)
+    (tmp_path / "text").write_text("this is not a database, but a text of more than a hundred characters " * 9)
     with pytest.raises(ValueError, match="text is not a study"):
         tune(SEARCH, tmp_path / "text", 1, objective=bowl)
 
@@ -141,7 +141,7 @@ def test_what_is_written_has_all_that_a_process_was_tuned_with(tmp_path, monkeyp
             (run,) = runs(suite, "short", again, 1, [algorithm], path)
             hyper = {**before.settings["hyperparameters"], **found[1].hyperparameters}
             assert run == replace(before, settings={**before.settings, "hyperparameters": hyper})
-    # Where the best trial changes nothing, what the configuration said stays.
+    # If the best trial changes nothing, the configuration is kept.
     write(Search.of("Own", "PPO", config="own.yaml"), found[:1], "python", tmp_path / "out/PPO-Own.yaml")
     (run,) = runs("online", "short", "Own", 1, ["PPO"], tmp_path / "out/PPO-Own.yaml")
     (before,) = runs("online", "short", "Own", 1, ["PPO"], "own.yaml")

@@ -30,7 +30,7 @@ def test_zero_is_the_nominal_action_and_the_ends_are_the_bounds(scaled, physical
 
 
 class Backwards(gymnasium.ActionWrapper):
-    """Nobody can undo this one."""
+    """A wrapper without an inverse."""
 
     def action(self, action):
         return -action

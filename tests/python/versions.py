@@ -1,4 +1,4 @@
-"""Run the tests of Gymnasium's conventions under several of its releases, each in a virtual environment of its own.
+"""Run the tests of Gymnasium's conventions under several of its releases, each in its own virtual environment.
 
 python tests/python/versions.py dist/smpl_process-*.whl [--folder DIR] [VERSION ...]
 """

@@ -1,10 +1,10 @@
 //! Changes models at random, by words and by bytes, and puts the result through the whole compiler: `fuzz --minutes 10` from the root of
 //! the repository. Whatever the text, the parser, the formatter and the front end must end in a result or in faults, soon and in bounded
-//! memory; what is formatted must stay so; what is a model must become machine code whose residual can be evaluated.
+//! memory. A formatted text must stay unchanged by the formatter, and a model must become machine code whose residual can be evaluated.
 //!
 //! The texts that are changed are all models of the repository: files, code blocks of Markdown pages, and texts in the sources of tests.
 //! They are tried in a child process with limits of memory and of time, so that a fault ends that process and nothing else. What takes long,
-//! takes much, panics or ends the process is written to `fuzz-SEED.eq` and told.
+//! takes much, panics or ends the process is written to `fuzz-SEED.eq` and reported.
 
 mod mutate;
 
@@ -25,7 +25,7 @@ use mutate::{Random, bytewise, changed, nested, spliced, words};
 
 /// Longest time that one text may take of a processor.
 const LIMIT: Duration = Duration::from_secs(5);
-/// How often a process that says nothing is looked at, and how often at most: on a busy machine it may wait for long.
+/// Interval of looks at a silent process, and their largest number: on a busy machine it may wait for long.
 const LOOK: Duration = Duration::from_secs(5);
 const LOOKS: u32 = 120;
 /// Most address space of the process that tries texts, in kilobytes.
@@ -34,11 +34,11 @@ const MEMORY: u32 = 1_500_000;
 const STACK: usize = 256 << 10;
 /// Texts that one process tries.
 const BATCH: u64 = 5000;
-/// Where models are looked for.
+/// Folders of models.
 const PLACES: &[&str] =
     &["models", "tests", "docs", "README.md", "dsl/tests", "compiler/tests", "compiler/src", "runtime/tests", "runtime/src"];
 
-/// What a text must stand; whether it is a model.
+/// Passes that a text must survive; returns `true` for a model.
 fn survive(text: &str, folder: &Path) -> bool {
     if let Ok(once) = smpl_dsl::format::format(text) {
         assert!(smpl_dsl::format::format(&once).is_ok_and(|twice| twice == once), "a second pass of the formatter changes the text");
@@ -119,7 +119,7 @@ fn repeated(text: &str, random: &mut Random) -> String {
 
 /// The next text.
 fn next_text(texts: &[String], tokens: &[Vec<&str>], pool: &[&str], random: &mut Random) -> String {
-    // Half of the time a whole file: these stand first.
+    // Half of the time a whole file: these come first.
     let files = texts.iter().position(|text| text.lines().count() < 15).unwrap_or(texts.len());
     let half = random.below(2) == 0 && files > 0;
     let at = random.below(if half { files } else { texts.len() });
@@ -133,13 +133,13 @@ fn next_text(texts: &[String], tokens: &[Vec<&str>], pool: &[&str], random: &mut
     }
 }
 
-/// What the command line asks for.
+/// Arguments of the command line.
 struct Asked {
     minutes: f64,
     /// Most texts.
     texts: u64,
     seed: u64,
-    /// How many texts a child tries.
+    /// Number of texts that a child tries.
     child: Option<u64>,
     paths: Vec<String>,
 }
@@ -179,7 +179,7 @@ impl Seeds {
         Self { texts }
     }
 
-    /// Calls `each` with the texts of some numbers in the sequence, until that is told to end.
+    /// Calls `each` with the texts of some numbers in the sequence, until `each` ends it.
     fn run(&self, numbers: impl Iterator<Item = u64>, mut each: impl FnMut(u64, &str)) {
         let tokens: Vec<Vec<&str>> = self.texts.iter().map(|t| words(t)).collect();
         let pool: Vec<&str> = tokens.iter().flatten().copied().filter(|w| !w.trim().is_empty()).collect();
@@ -230,7 +230,7 @@ fn say(line: &str) {
     }
 }
 
-/// How long a process has run on processors; `None` where the system does not say.
+/// Processor time of a process; `None` if the system does not report it.
 fn processor_time(child: &Child) -> Option<Duration> {
     const TICK: Duration = Duration::from_millis(10);
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).ok()?;
@@ -264,7 +264,7 @@ impl Parent {
         }
         let minutes = start.elapsed().as_secs_f64() / 60.0;
         println!(
-            "{} texts in {minutes:.1} minutes, {} of them models, {} at fault; the slowest took {:?}",
+            "{} texts in {minutes:.1} minutes, {} of them models, {} with faults; the slowest took {:?}",
             self.texts, self.models, self.found, self.slowest
         );
         self.found

@@ -1,4 +1,4 @@
-//! Flat models built by hand, shared by the tests and the benchmark of the back end.
+//! Flat models built manually, shared by the tests and the benchmark of the back end.
 #![allow(dead_code, reason = "each user needs some of them")]
 
 use smpl_compiler::ir::{Affine, BUILTIN_COUNT, ExprId, Flavour, LoopVar, Role, UnaryFn, VarId};

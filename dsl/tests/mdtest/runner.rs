@@ -17,7 +17,7 @@ struct Case {
     heading: String,
     source: String,
     expected: String,
-    /// Lines of the file that hold the expected faults; empty after the model where there are none.
+    /// Lines of the file that hold the expected faults; empty after a model without faults.
     lines: std::ops::Range<usize>,
 }
 

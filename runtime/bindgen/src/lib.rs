@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub mod callbacks {
     use std::fmt;
 
-    /// How a macro is taken.
+    /// Treatment of a macro.
     #[derive(Debug)]
     pub enum MacroParsingBehavior {
         /// It is left out.
@@ -30,7 +30,7 @@ pub mod callbacks {
 
     /// Decisions of a build script.
     pub trait ParseCallbacks: fmt::Debug {
-        /// Whether a macro is taken.
+        /// Treatment of the macro of this name.
         fn will_parse_macro(&self, _name: &str) -> MacroParsingBehavior {
             MacroParsingBehavior::Default
         }
@@ -46,7 +46,7 @@ const SUNDIALS: [((u32, u32), &str); 2] =
     [((6, 4), include_str!("../bindings/sundials-6.4.rs")), ((7, 1), include_str!("../bindings/sundials-7.1.rs"))];
 const KLU: &str = include_str!("../bindings/klu.rs");
 
-/// What a build script asks for.
+/// Request of a build script.
 #[derive(Debug, Default)]
 pub struct Builder {
     arguments: Vec<String>,
@@ -116,7 +116,7 @@ impl Builder {
         }
     }
 
-    /// The file in which SUNDIALS tells how it was built.
+    /// The file in which SUNDIALS records its configuration.
     fn config(&self) -> Option<PathBuf> {
         let given = self.arguments.iter().filter_map(|argument| argument.strip_prefix("-I"));
         let variables = ["CPATH", "C_INCLUDE_PATH"].map(|name| std::env::var(name).unwrap_or_default());
@@ -143,7 +143,7 @@ fn version(text: &str) -> Option<(u32, u32)> {
     Some((number("SUNDIALS_VERSION_MAJOR")?, number("SUNDIALS_VERSION_MINOR")?))
 }
 
-/// Why a library is another one than that of the bindings although its version is the same.
+/// Reason for which a library of the same version differs from that of the bindings.
 fn fault(text: &str, arguments: &[String]) -> Option<&'static str> {
     let definitions = definitions(text);
     let version_7 = version(text).is_some_and(|(major, _)| major >= 7);
@@ -177,7 +177,7 @@ impl Bindings {
     }
 }
 
-/// Why there are no bindings.
+/// Reason of missing bindings.
 #[derive(Debug)]
 pub enum BindgenError {
     /// SUNDIALS is not installed.

@@ -1,4 +1,4 @@
-//! Events: when they fire, what they see, how they end; and numbers that are none.
+//! Events: when they fire, what they see, how they end; and values that are not finite.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use smpl_runtime::load::{LoadOptions, load_text};
 use smpl_runtime::setup::Setup;
 use smpl_runtime::solver::Method;
 
-/// What takes the steps: this module's name.
+/// The method: this module's name.
 fn method() -> Method {
     module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
@@ -96,7 +96,7 @@ fn a_state_that_is_set_beyond_a_threshold_is_an_event_at_once_and_only_once() {
     assert_eq!(running.discrete("n"), 1.0, "true at the threshold itself");
 }
 
-/// What is compared may jump: the instant is as clear as where it is continuous, within a step (20.5) and at its end (20).
+/// The compared value may jump: the instant is as clear as for a continuous one, within a step (20.5) and at its end (20).
 #[test]
 fn conditions_that_jump_are_found() {
     for (start, rate) in [(20.5, -3.0), (20.0, -3.0), (-4.5, 3.0), (-4.0, 3.0)] {
@@ -164,7 +164,7 @@ fn a_bouncing_ball_never_falls_through_the_floor() {
             assert!(running.state("h") > floor - 1e-9, "{floor} {restitution}");
             result = running.step();
         }
-        // Bounces lower than the tolerance are not told apart.
+        // Bounces lower than the tolerance are not distinguished.
         close(result.time, end, 1e-2);
         close(running.state("h"), floor, 1e-9);
         let message = running.0.failure_message();

@@ -1,4 +1,4 @@
-//! What time alone moves, against quadrature: random forcings, random tables over time, switches; and the same by IDA left to itself.
+//! Terms that depend on time alone, against quadrature: random forcings, random tables over time, switches; and the same by IDA left to itself.
 //!
 //! `PROPTEST_CASES` sets the number of cases of each test.
 
@@ -20,7 +20,7 @@ fn cases() -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// What takes the steps: this module's name.
+/// The method: this module's name.
 fn method() -> Method {
     module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
@@ -142,7 +142,7 @@ fn forcing(kind: usize, length: f64, periods: f64, phase: f64, place: f64) -> Fo
     }
 }
 
-/// What an integral comes to, of a function of time, at a time.
+/// Integral of a function of time up to a time.
 type Expected = Box<dyn Fn(&dyn Fn(f64) -> f64, f64) -> f64>;
 
 /// A model that takes a forcing up, its start, and its last state from the integral of the forcing's function `g`.
@@ -204,7 +204,7 @@ proptest! {
         let mut system = prepared(&compiled(&text));
         let (found, taken) = integrate(&mut system, &start, rtol, (steps, length));
         // The integration of many pieces, each within the tolerance. In few long steps the estimate of DOP853, a mean of those of two lower orders, may be a
-        // tenth of the error: 32 tolerances in 19 steps have been seen (kind 2, form 1, 0.1 long, 7.45 digits), 0.1 in SciPy's 27.
+        // tenth of the error. 32 tolerances in 19 steps have been seen (kind 2, form 1, 0.1 long, 7.45 digits), 0.1 in SciPy's 27.
         let bound = (taken as f64).max(60.0) * rtol * exact.abs().max(1.0);
         prop_assert!((found[0] - exact).abs() < bound, "{} is not {exact} (rtol {rtol:e}, {taken} steps)\n{text}", found[0]);
         // IDA with its own first step may be far off, or stuck; it is never the only one that is right.

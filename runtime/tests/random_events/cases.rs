@@ -1,7 +1,7 @@
-//! Random events against a simulation of our own that is exact.
+//! Random events against an independent exact simulation.
 //!
-//! Rates, thresholds, resets and starts are multiples of 1/4, rates of states constant between events: every crossing is a quotient that double
-//! precision holds, so that equal thresholds, starts at a threshold and events at one instant are just that. `PROPTEST_CASES` sets how many
+//! Rates, thresholds, resets and starts are multiples of 1/4, rates of states constant between events. Every crossing is a quotient that double
+//! precision holds, so that equal thresholds, starts at a threshold and events at one instant are exact. `PROPTEST_CASES` sets how many
 //! models are tried.
 
 use std::fmt::Write;
@@ -117,7 +117,7 @@ impl<'a> Exact<'a> {
         }
     }
 
-    /// What becomes true at this instant by what is done at it; `None` where that has no end. `before` are the distances before the change.
+    /// Conditions that become true at this instant by its actions; `None` if they have no end. `before` are the distances before the change.
     fn settle(&mut self, mut before: Option<Vec<f64>>) -> Option<()> {
         for _ in 0..LIMIT {
             let now = self.distances();
@@ -206,7 +206,7 @@ fn case() -> impl Strategy<Value = Case> {
         .prop_map(|(start, rates, events, step)| Case { start, rates, events, step })
 }
 
-/// What takes the steps: this module's name.
+/// The method: this module's name.
 fn method() -> Method {
     module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }
@@ -331,7 +331,7 @@ struct Coincidence {
     start: f64,
     /// The step at whose end it happens.
     number: u32,
-    /// How much later than that, in steps.
+    /// Further delay, in steps.
     later: f64,
     condition: usize,
     strict: bool,

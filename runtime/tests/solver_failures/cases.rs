@@ -3,7 +3,7 @@
 use smpl_runtime::solver::problems::{self, Problem, Residual};
 use smpl_runtime::solver::{Integrator, Method, Pattern, PatternError, Settings, SolveError, System, integrator};
 
-/// What takes the steps: this module's name.
+/// The method: this module's name.
 fn method() -> Method {
     module_path!().rsplit("::").next().and_then(Method::from_name).expect("the name of a method")
 }

@@ -1,4 +1,4 @@
-//! Flat models built by hand, as elaboration would make them: the reactor and the beer of `models/`, and small ones.
+//! Flat models built manually, as elaboration would make them: the reactor and the beer of `models/`, and small ones.
 #![allow(dead_code, reason = "each test file needs some of them")]
 
 pub mod beer;
@@ -18,7 +18,7 @@ use smpl_dsl::span::Span;
 use smpl_runtime::environment::Environment;
 use smpl_runtime::setup::{EnvironmentOptions, Setup};
 
-/// What the `finish` program gives, in its order.
+/// Results of the `finish` program, in its order.
 #[derive(Default)]
 pub struct Finish {
     pub failures: Vec<(ExprId, ExprId)>,

@@ -1,4 +1,4 @@
-//! Published trajectories, where they are installed: `SMPL_REFERENCE`, or `shared/reference` beside the repository.
+//! Published trajectories, where they are installed: `SMPL_REFERENCE`, or `shared/reference` next to the repository.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ pub struct Table {
     rows: Vec<Vec<f64>>,
 }
 
-/// Where a file is, or `None` where the references are not installed: tests that need them are ignored then.
+/// Path of a file, or `None` if the references are not installed: tests that need them are ignored then.
 pub fn path(name: &str) -> Option<PathBuf> {
     let folder =
         std::env::var_os("SMPL_REFERENCE").map(PathBuf::from).or_else(|| option_env!("SMPL_REFERENCE_FOLDER").map(PathBuf::from))?;

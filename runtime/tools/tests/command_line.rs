@@ -113,7 +113,7 @@ fn of_many_faults_the_first_are_shown_and_the_rest_is_counted() {
     assert_eq!(list[50]["message"].as_str(), Some("1184 more faults are not shown"));
 }
 
-/// The stack was so large that no thread could be started, and nothing was said.
+/// The stack was so large that no thread could be started, and nothing was reported.
 #[cfg(target_os = "linux")]
 #[test]
 fn it_runs_in_little_address_space() {
@@ -223,7 +223,7 @@ fn results_never_replace_what_is_read() {
     for mut case in cases {
         if case.contains(&"--plot") {
             let svg = case.len() - 1;
-            // A picture has a name of its own kind.
+            // The name of a picture has the ending of its kind.
             let _ = std::fs::remove_file(beside(&model, "link.svg"));
             std::fs::hard_link(&model, beside(&model, "link.svg")).expect("a link");
             let picture = beside(&model, "link.svg");
@@ -248,7 +248,7 @@ mod devices {
     use super::*;
     use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 
-    /// A copy of a device in a folder of its own: the real ones are never put at risk. None where devices cannot be made.
+    /// A copy of a device in a new folder: the real ones are never put at risk. `None` where devices cannot be made.
     fn device(folder: &std::path::Path, kind: &str, numbers: Option<[&str; 2]>) -> Option<PathBuf> {
         let path = folder.join(kind);
         let _ = std::fs::remove_file(&path);
@@ -265,7 +265,7 @@ mod devices {
             }
         };
         let made = command.stderr(Stdio::null()).status().is_ok_and(|status| status.success());
-        // A container may make devices that nobody can open.
+        // A container may make devices that cannot be opened.
         let opens = numbers.is_none() || std::fs::OpenOptions::new().write(true).open(&path).is_ok();
         (made && opens).then_some(path)
     }

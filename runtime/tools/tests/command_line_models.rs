@@ -1,4 +1,4 @@
-//! What the commands say of models: settings, steady states, records, faults in their places.
+//! Answers of the commands about models: settings, steady states, records, places of faults.
 
 mod shell;
 
@@ -19,7 +19,7 @@ fn tables_that_say_a_thing_twice_or_never_end_it_are_refused() {
         let shown = text(&output.stderr);
         assert!(status(&output) == 1 && shown.contains(message) && shown.contains(place), "{shown}");
     }
-    // What is not read may stand there as often as it likes.
+    // Entries that are not read may be repeated.
     let actions = file("tables", "b.csv", "u,note,note\n1,a,b\n");
     let output = smpl(&["simulate", model.to_str().expect("utf-8"), "--actions", actions.to_str().expect("utf-8")]);
     assert_eq!(status(&output), 0, "{}", text(&output.stderr));
@@ -46,7 +46,7 @@ fn an_unknown_policy_lists_each_policy_once() {
     assert!(status(&output) == 1 && shown.matches("nominal").count() == 1, "{shown}");
 }
 
-/// x and y have the same rate: with y fixed and x at rest y is at rest too; with x fixed at 0.5 it is not, and the command says so.
+/// x and y have the same rate: with y fixed and x at rest y is at rest too. With x fixed at 0.5 it is not, and the command reports it.
 #[test]
 fn the_residual_norm_is_that_of_the_equations_that_were_solved() {
     let model = file("steady", "m.eq", TANK);
@@ -328,13 +328,13 @@ fn a_compiled_model_runs_under_what_it_was_compiled_for_and_not_otherwise() {
     std::fs::write(&part, "def half(x) = x/3\n").expect("written");
     refused(&["simulate", c], "has changed since");
     assert_eq!(status(&run(&["compile", m])), 0);
-    // A source that cannot be looked at is no reason to trust.
+    // A source that cannot be read is not trusted.
     let text_of_model = std::fs::read(&model).expect("text");
     std::fs::remove_file(&model).expect("removed");
     std::fs::create_dir(&model).expect("a folder in its place");
     refused(&["simulate", c], "cannot be read");
     std::fs::remove_dir(&model).expect("removed");
-    assert_eq!(status(&run(&["simulate", c])), 0, "without a source beside it, it stands for itself");
+    assert_eq!(status(&run(&["simulate", c])), 0, "without a source next to it, it is valid alone");
     std::fs::write(&model, &text_of_model).expect("written");
 
     assert_eq!(status(&run(&["compile", m, "--scenario", "legacy", "--set", "gain=1"])), 0);

@@ -1,4 +1,4 @@
-//! What the commands read of runs: tables that are replayed, sweeps, scenarios that say a thing twice.
+//! Inputs of runs: tables that are replayed, sweeps, scenarios with repeated entries.
 
 mod shell;
 
@@ -66,7 +66,7 @@ fn tables_that_do_not_count_the_steps_of_one_run_are_refused() {
     assert!(status(&output) == 1 && text(&output.stderr).contains("count the steps from 1"), "{}", text(&output.stderr));
 }
 
-/// The start is no step of a model without actions either.
+/// The start is not a step of a model without actions either.
 #[test]
 fn a_model_without_actions_takes_as_many_steps_as_its_table_has() {
     let decay = "model Decay\ntime t : min\nstate x = 1 in 0..2\neq d/dt x = -x/1 [min]\nreward r default = -x\nobserve x\n\

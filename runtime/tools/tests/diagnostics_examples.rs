@@ -1,4 +1,4 @@
-//! The book's examples of diagnostics: for every code one that gives it and one that is right, or why there is none.
+//! The book's examples of diagnostics: for every code a text that causes it and a correct one, or the reason of their absence.
 //!
 //! `BLESS=1` writes the page anew, with what its examples give.
 
@@ -24,13 +24,13 @@ struct Block<'a> {
     content: &'a str,
 }
 
-/// What a section has.
+/// Content of a section.
 enum Example<'a> {
     /// Texts of models, a wrong one and a right one.
     Texts(&'a str, &'a str),
     /// A model, a wrong file and a right one for it, and what they are written in.
     Files(&'a str, &'a str, &'a str, &'a str),
-    /// Why there can be none.
+    /// Reason of the absence of examples.
     Reason(&'a str),
 }
 
@@ -45,12 +45,12 @@ impl<'a> Example<'a> {
         match blocks[..] {
             [("eq", wrong), ("text", _), ("eq", right)] => Example::Texts(wrong, right),
             [("eq", model), (kind, wrong), ("text", _), (same, right)] if kind == same => Example::Files(model, kind, wrong, right),
-            [] => Example::Reason(section.split_once(NONE).expect("examples, or why there is none").1.trim()),
-            _ => panic!("a wrong text, what is said of it, and a right text: {section}"),
+            [] => Example::Reason(section.split_once(NONE).expect("examples, or a reason").1.trim()),
+            _ => panic!("a wrong text, its diagnostics, and a right text: {section}"),
         }
     }
 
-    /// A section of the page: code, meaning, wrong text, what is said of it, right text.
+    /// A section of the page: code, meaning, wrong text, its diagnostics, right text.
     fn written(&self, code: Code) -> String {
         let head = format!("## {}\n\n{}\n\n", code.id(), code.explanation());
         head + &match *self {
@@ -66,7 +66,7 @@ impl<'a> Example<'a> {
     }
 }
 
-/// What is said of a wrong text; of the right one nothing is.
+/// Diagnostics of a wrong text; the right one has none.
 fn of_texts(code: Code, wrong: &str, right: &str) -> String {
     let found = faults(wrong, code);
     let fault = match found.as_slice() {
@@ -84,7 +84,7 @@ fn of_texts(code: Code, wrong: &str, right: &str) -> String {
     format!("{}:{} {}\n{help}", at.line, at.column, fault.message)
 }
 
-/// What is said of a text; that it has no `episode` is of interest where the example is one of that.
+/// Diagnostics of a text; a missing `episode` counts only in its own example.
 fn faults(text: &str, code: Code) -> Vec<Diagnostic> {
     let mut sources = SourceMap::new();
     let main = sources.add("model.eq", text);
@@ -100,7 +100,7 @@ fn faults(text: &str, code: Code) -> Vec<Diagnostic> {
     found.into_iter().filter(|fault| fault.code == code || fault.code != codes::NO_EPISODE).collect()
 }
 
-/// What the command says of a model with a wrong file; with the right one it runs.
+/// Diagnostics of a model with a wrong file; with the right one it runs.
 fn of_files(code: Code, model: &str, kind: &str, wrong: &str, right: &str) -> String {
     let (given, arguments) = match kind {
         "yaml" => ("model.given.yaml", ["--scenario", "given"]),
@@ -117,9 +117,9 @@ fn of_files(code: Code, model: &str, kind: &str, wrong: &str, right: &str) -> St
     let output = run(right);
     assert_eq!(status(&output), 0, "{}: the right file gives {}", code.id(), text(&output.stderr));
     let output = run(wrong);
-    let said = text(&output.stderr);
-    assert!(status(&output) == 1 && said.starts_with(code.id()), "{}: the wrong file gives {said}", code.id());
-    let after = |mark: &str| said.lines().find_map(|line| line.split_once(mark)).map(|(_, rest)| rest.trim_end_matches(']').to_owned());
+    let reported = text(&output.stderr);
+    assert!(status(&output) == 1 && reported.starts_with(code.id()), "{}: the wrong file gives {reported}", code.id());
+    let after = |mark: &str| reported.lines().find_map(|line| line.split_once(mark)).map(|(_, rest)| rest.trim_end_matches(']').to_owned());
     let help = after("help: ").map_or(String::new(), |help| format!("help: {help}\n"));
     format!("{} {}\n{help}", after(&format!("{given}:")).expect("a place"), after("× ").expect("a message"))
 }

@@ -1,7 +1,7 @@
 //! Models exported as C compute what the machine code computes, function by function.
 //!
-//! The C compiler takes the text with all warnings as errors, together with a program that prints the tables of names and then runs every
-//! function at the points of its standard input. The vectors are filled by these names alone, so that the tables are tested too.
+//! The C compiler takes the text with all warnings as errors. A program prints the tables of names and then runs every function at the
+//! points of its standard input. The vectors are filled by these names alone, so that the tables are tested too.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -98,7 +98,7 @@ fn prototypes(header: &str) -> Vec<(String, Vec<String>)> {
     split.map(|(name, arguments)| (name.to_owned(), arguments.split(',').map(argument).collect())).collect()
 }
 
-/// How many numbers a function writes; `None` for updates.
+/// Number of results of a function; `None` for updates.
 fn written(name: &str, lengths: &Lengths, header: &str) -> Option<usize> {
     match name {
         "prepare" => None,
@@ -152,7 +152,7 @@ fn driver(functions: &[(String, Vec<String>)], lengths: &Lengths, header: &str) 
     text + "    } while (fread(in, sizeof(double), 1, stdin) == 1);\n    return 0;\n}\n"
 }
 
-/// Where an element of `p` or `c` is kept.
+/// Place of an element of `p` or `c`.
 fn place(name: &str, model: &CompiledModel, k: &Catalogue) -> (Region, usize) {
     const BUILTINS: [(&str, Builtin); 6] = [
         ("steps", Builtin::Steps),
@@ -214,7 +214,7 @@ impl Random {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Near a number; of the order of one where it is none, or zero.
+    /// Near a number; of the order of one if it is not finite, or zero.
     fn near(&mut self, x: f64) -> f64 {
         if x.is_finite() && x.abs() > 1e-12 { x * (0.9 + 0.2 * self.next()) } else { 0.5 + self.next() }
     }
@@ -270,7 +270,7 @@ fn point(model: &CompiledModel, k: &Catalogue, tables: &[Vec<(String, f64)>; 2],
     Point { t, cj, y, yp, memory, input }
 }
 
-/// What the machine code gives for a function, in the order of the export.
+/// Results of the machine code for a function, in the order of the export.
 fn expected(name: &str, model: &CompiledModel, k: &Catalogue, tables: &[Vec<(String, f64)>; 2], point: &Point) -> Vec<f64> {
     let Point { t, cj, y, yp, memory, .. } = point;
     let (mut m, mut y2) = (memory.clone(), y.clone());
@@ -393,7 +393,7 @@ fn compare(path: &Path, options: &LoadOptions, count: usize, effort: &str) {
     }
 }
 
-/// Row of each entry of the Jacobian in public order, and where it stands in the compiled one.
+/// Row of each entry of the Jacobian in public order, and its place in the compiled one.
 fn entries(model: &CompiledModel, order: &[usize]) -> Vec<(usize, usize)> {
     let pattern = model.pattern();
     let mut outside = vec![0; order.len()];
@@ -407,7 +407,7 @@ fn entries(model: &CompiledModel, order: &[usize]) -> Vec<(usize, usize)> {
     order.iter().flat_map(column).collect()
 }
 
-/// What rounding may do to each entry of the Jacobian: a few units in the last place of the largest entry of its row.
+/// Effect of rounding on each entry of the Jacobian: a few units in the last place of the largest entry of its row.
 fn rounding_of_rows(model: &CompiledModel, k: &Catalogue, entries: &[Vec<(f64, f64)>]) -> Vec<f64> {
     let order: Vec<usize> = k.states.elements().iter().chain(k.solved.elements()).map(|e| e.at).collect();
     let rows: Vec<usize> = self::entries(model, &order).into_iter().map(|(row, _)| row).collect();
@@ -443,7 +443,7 @@ fn all_of(name: &str, scenarios: &[&str], count: usize) {
     });
     for variant in switches.chain(options) {
         let options = LoadOptions { variants: vec![Variant::parse(&variant)], ..LoadOptions::default() };
-        // Some variants want others.
+        // Some variants require others.
         if load(&path, &options).is_ok() {
             compare(&path, &options, count.min(20), "-O0");
         }
@@ -490,7 +490,7 @@ fn every_test_problem_in_c_computes_what_the_machine_code_does() {
     }
 }
 
-/// What only functions of a whole step need has the units of the text.
+/// Quantities that only functions of a whole step need have the units of the text.
 #[test]
 fn context_has_its_units() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -534,7 +534,7 @@ fn context_has_its_units() {
 #[test]
 fn the_same_model_gives_the_same_text() {
     let loaded = load(&models().join("pensim.eq"), &LoadOptions::default()).expect("a model");
-    // An FMU is no text: fmus.rs tests it.
+    // An FMU is not a text: fmus.rs tests it.
     for (_, target) in Target::ALL.into_iter().filter(|(_, target)| *target != Target::Fmu) {
         let texts = || export(&loaded, target, None).expect("an export").into_iter().map(|file| file.text).collect::<Vec<_>>();
         assert_eq!(texts(), texts(), "{}", target.name());

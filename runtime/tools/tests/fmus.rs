@@ -71,7 +71,7 @@ fn the_sources_compile_without_a_warning() {
     }
 }
 
-/// A tank whose level is observed in a way of its own.
+/// A tank with a formula for its observed level.
 fn tank(more: &str) -> Result<Fmu, String> {
     let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
@@ -88,6 +88,6 @@ fn what_an_fmu_does_not_have_is_refused_by_name() {
     assert!(tank("").is_ok());
     let message = tank("observe total = integral(h) in 0..100").err().expect("refused");
     assert_eq!(message, "`observations` reads an integral over the step, which an FMU does not have");
-    // A reward is no part of an FMU, and may read one.
+    // A reward is not part of an FMU, and may read one.
     assert!(tank("reward total = integral(h) / 1 [m s]").is_ok());
 }

@@ -1,4 +1,4 @@
-//! Values of functions with structure, of extended components, levels and variants, and of successes at events: against numbers by hand.
+//! Values of functions with structure, of extended components, levels and variants, and of successes at events: against manually computed numbers.
 
 mod shell;
 

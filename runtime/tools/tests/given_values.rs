@@ -1,4 +1,4 @@
-//! What is given to the command beside a model, and lies at the edge of what can be meant: files, values, names, outputs.
+//! Arguments of the command at the edge of validity: files, values, names, outputs.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -24,7 +24,7 @@ impl Folder {
         Command::new(env!("CARGO_BIN_EXE_smpl")).args(arguments).current_dir(&self.0).output().expect("smpl runs")
     }
 
-    /// Exit status and what stands on standard error, without the frames of diagnostics.
+    /// Exit status and standard error, without the frames of diagnostics.
     fn errors(&self, arguments: &[&str]) -> (i32, String) {
         let output = self.smpl(arguments);
         let shown = String::from_utf8_lossy(&output.stderr).into_owned();

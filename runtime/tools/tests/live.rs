@@ -130,7 +130,7 @@ fn diagnostics_follow_every_change() {
     assert!(errors(&page.wait("diagnostics", published(3))).is_empty());
     let hover = page.result("textDocument/hover", json!({"textDocument": {"uri": name}, "position": {"line": 2, "character": 6}}));
     assert!(hover["contents"]["value"].as_str().is_some_and(|text| text.contains("rate")), "{hover}");
-    // Files outside of the folder are none of the language server's.
+    // Files outside of the folder are not available to the language server.
     let outside = json!({"textDocument": {"uri": "file:///etc/hosts.eq"}, "position": {"line": 0, "character": 0}});
     assert_eq!(page.call("textDocument/hover", outside).expect_err("outside").0, 4);
 }
@@ -206,7 +206,7 @@ fn controls_have_values_bounds_units_and_places() {
     assert_eq!((&x["unit"], &x["low"], &x["high"], &x["first"]), (&json!("m"), &json!(0.0), &json!(10.0), &json!(true)));
     let columns: Vec<&str> = x["lines"].as_array().expect("lines").iter().filter_map(|line| line["column"].as_str()).collect();
     assert_eq!(columns, ["x"]);
-    // Readings that differ from what they are of have a curve of their own.
+    // Readings that differ from their quantity have their own curve.
     let noisy = page.open(&file, &DECAY.replace("observe x", "observe x noise normal(0, 0.1)"));
     let model = page.result("smpl/model", json!({"uri": noisy}));
     let lines = &model["panels"].as_array().expect("panels").iter().find(|panel| panel["title"] == "x").expect("a panel of x")["lines"];
@@ -375,7 +375,7 @@ fn nonsense_and_floods_harm_nobody() {
     let file = folder.write("decay.eq", DECAY);
     let live = live(&folder);
     let mut good = live.page();
-    // Frames that are no messages.
+    // Frames that are not messages.
     let mut bad = live.page();
     for i in 0..200 {
         let text = ["{", "null", "[]", "{\"id\": {}}", "\u{fffd}"][i % 5];
@@ -383,7 +383,7 @@ fn nonsense_and_floods_harm_nobody() {
             break;
         }
     }
-    // Bytes that are no frames.
+    // Bytes that are not frames.
     let mut raw = live.page();
     let _ = raw.socket.get_mut().write_all(&[0xff; 4096]);
     // A frame that announces more than the limit.

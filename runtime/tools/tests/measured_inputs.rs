@@ -112,8 +112,8 @@ fn a_scenario_names_other_data_or_a_constant() {
     ] {
         scenario("bad", text_of);
         let output = smpl(&["simulate", name(&path), "--scenario", "bad"]);
-        let told = text(&output.stderr);
-        assert!(status(&output) == 1 && told.contains(message) && told.contains("m.bad.yaml"), "{text_of}{told}");
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message) && shown.contains("m.bad.yaml"), "{text_of}{shown}");
     }
 }
 
@@ -159,13 +159,13 @@ fn faults_of_measured_inputs_have_their_place_and_a_way_out() {
     ] {
         let path = model("faults", &format!("{line}\nstate z = 0\neq d/dt z = 0\n"), data);
         let output = smpl(&["check", name(&path)]);
-        let told = text(&output.stderr);
-        assert!(status(&output) == 1 && told.contains(message), "{line}\n{told}");
-        assert_eq!(told.matches('×').count(), 1, "one cause is one diagnostic: {told}");
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message), "{line}\n{shown}");
+        assert_eq!(shown.matches('×').count(), 1, "one cause is one diagnostic: {shown}");
     }
     let path = model("bounds", &LAG.replace("in -50..60", "in -50..20"), WEATHER);
-    let told = text(&smpl(&["check", name(&path)]).stderr);
-    assert!(told.contains("the data of `T_amb` leave its bounds -50..20: 30.0") && told.contains(" at 4 min"), "{told}");
+    let shown = text(&smpl(&["check", name(&path)]).stderr);
+    assert!(shown.contains("the data of `T_amb` leave its bounds -50..20: 30.0") && shown.contains(" at 4 min"), "{shown}");
 }
 
 /// `PchipInterpolator` of SciPy 1.17.1 through (0, 2), (1, 5), (3, 1), (4, 0), (6, 2) and the same points a period before

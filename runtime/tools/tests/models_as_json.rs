@@ -49,7 +49,7 @@ fn what_is_read_computes_the_same_bits() {
     }
 }
 
-/// What a place is filled with, by number; `None` takes the place away.
+/// Content of a place, by number; `None` removes the place.
 fn filling(kind: usize, old: &Value) -> Option<Value> {
     Some(match kind {
         0 => return None,

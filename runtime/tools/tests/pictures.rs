@@ -49,7 +49,7 @@ fn run_of(setup: &Arc<Setup>, steps: u32, show: &str) -> (Run, Picture) {
     (run, picture)
 }
 
-/// Texts that stand over one another or beyond the page.
+/// Texts that overlap or exceed the page.
 fn faults(picture: &Picture) -> Vec<String> {
     let drawing = picture.drawing();
     let texts: Vec<_> = drawing.texts().map(|text| (text.letters.as_str(), text.frame())).collect();
@@ -78,7 +78,7 @@ fn check(setup: &Arc<Setup>, steps: u32, show: &str) {
     let texts = texts_of_svg(&svg);
     let constants = texts.iter().filter(|text| text.contains(" = ")).cloned().collect::<Vec<_>>().join(" ");
     for name in picture.names() {
-        assert!(texts.iter().any(|text| text == name) || constants.contains(name), "`{name}` does not stand in the picture");
+        assert!(texts.iter().any(|text| text == name) || constants.contains(name), "`{name}` is not in the picture");
     }
     assert!(picture.names().count() > 0, "{show}: nothing is shown");
     let (_, again) = run_of(setup, steps, show);
@@ -128,12 +128,12 @@ fn a_field_is_drawn_over_the_coordinate_of_its_domain() {
         assert!(texts.iter().any(|text| text == tick), "no tick at {tick}: {texts:?}");
     }
     assert_eq!(faults(&picture), Vec::<String>::new());
-    // What the page tells of the lowest row is the centre of the lowest cell of a grid whose cells grow by a fifth.
+    // The page shows for the lowest row the centre of the lowest cell of a grid whose cells grow by a fifth.
     let page = String::from_utf8(picture.bytes(Format::Html).expect("a file")).expect("text");
-    let told = page.split("\"y = ").nth(1).and_then(|rest| rest.split(' ').next()).and_then(|x| x.parse::<f64>().ok()).expect("a place");
+    let shown = page.split("\"y = ").nth(1).and_then(|rest| rest.split(' ').next()).and_then(|x| x.parse::<f64>().ok()).expect("a place");
     let ratio: f64 = 1.2;
     let centre = 0.002 + 0.5 * 0.007 * (ratio - 1.0) / (ratio.powi(8) - 1.0);
-    assert!((told - centre).abs() < 1e-3 * centre, "{told}, not {centre}");
+    assert!((shown - centre).abs() < 1e-3 * centre, "{shown}, not {centre}");
 }
 
 #[test]

@@ -87,8 +87,8 @@ fn oregonator() {
     check("orego", &[("y1", 0.100_081_487_031_852_3e1), ("y2", 0.122_817_852_154_991_7e4), ("y3", 0.132_055_494_284_670_6e3)], 0.0);
 }
 
-/// What is left is so small a difference of what was (y2 - y3 - y4 is constant) that the published digits are not the exact ones either: with
-/// y1 and y4 gone y2 and y3 are 1 / (M C t) = 8.85e-23. Hence an absolute tolerance; the test set's own is 1.11e-24.
+/// y2 - y3 - y4 is constant: the rest is so small a difference that the published digits are not exact either. With
+/// y1 and y4 gone y2 and y3 are 1 / (M C t) = 8.85e-23. Therefore the tolerance is absolute; the test set's own is 1.11e-24.
 #[test]
 fn pyrolysis_at_the_end_of_time() {
     let reference = [("y1", 0.0), ("y2", 0.886_765_551_764_212e-22), ("y3", 0.885_481_462_626_883_8e-22), ("y4", 0.0)];

@@ -124,24 +124,24 @@ fn rates_of_an_array_components_and_variants_work_with_reactions() {
 #[test]
 fn reactions_with_formulas_balance_in_elements_and_charge() {
     let set = "set species = { glucose \"C6H12O6\", O2 \"O2\", NH3 \"NH3\", NH4 \"NH4+\", H \"H+\", X \"CH1.8O0.5N0.2\", CO2 \"CO2\", H2O \"H2O\" }\n";
-    // Coefficients by hand from the balances of C, H, O and N for 3 X a glucose.
+    // Coefficients computed manually from the balances of C, H, O and N for 3 X a glucose.
     let right = "reaction growth: glucose + 2.85 O2 + 0.6 NH3 -> 3 X + 3 CO2 + 4.2 H2O rate 1 [mol/(L h)]\nreaction acid: NH4 -> NH3 + H rate 0 [mol/(L h)]\n";
     let model = |text: &str| format!("time t : h\n{set}{text}state x : mol/L = 0\neq d/dt x = source[X]\n");
-    let told = |text: &str| {
+    let shown = |text: &str| {
         let output = smpl(&["check", name(&file("balance", "m.eq", model(text)))]);
         (status(&output), shell::text(&output.stderr))
     };
-    let (code, message) = told(right);
+    let (code, message) = shown(right);
     assert_eq!(code, 0, "{message}");
-    let (code, message) = told(&right.replace("3 CO2", "2 CO2"));
+    let (code, message) = shown(&right.replace("3 CO2", "2 CO2"));
     assert!(code == 1 && message.contains("the reaction `growth` does not balance in C (6 consumed, 5 produced), O"), "{message}");
     assert!(message.contains("add the species that are missing"), "{message}");
-    let (code, message) = told(&right.replace("NH3 + H rate", "NH3 rate"));
+    let (code, message) = shown(&right.replace("NH3 + H rate", "NH3 rate"));
     assert!(
         code == 1 && message.contains("`acid` does not balance in H (4 consumed, 3 produced), charge (1 consumed, 0 produced)"),
         "{message}"
     );
-    let (code, message) = told(&right.replace("0.6 NH3", "0.59 NH3"));
+    let (code, message) = shown(&right.replace("0.6 NH3", "0.59 NH3"));
     assert!(code == 1 && message.contains("N (0.59 consumed, 0.6 produced)"), "{message}");
 }
 
@@ -153,9 +153,9 @@ fn molar_masses_that_are_not_kept_are_a_warning() {
              state b : mol/L = 0\neq d/dt b = source[B]\nepisode {{ step = 1 [s], max_steps = 2 }}\n"
         )
     };
-    let told = |nu: &str| shell::text(&smpl(&["check", name(&file("mass", "m.eq", model(nu)))]).stderr);
-    assert!(!told("2").contains("W0610"), "{}", told("2"));
-    assert!(told("3").contains("the reaction `dimer` consumes the mass 90 and produces 60 by its molar masses"), "{}", told("3"));
+    let shown = |nu: &str| shell::text(&smpl(&["check", name(&file("mass", "m.eq", model(nu)))]).stderr);
+    assert!(!shown("2").contains("W0610"), "{}", shown("2"));
+    assert!(shown("3").contains("the reaction `dimer` consumes the mass 90 and produces 60 by its molar masses"), "{}", shown("3"));
 }
 
 #[test]
@@ -176,9 +176,9 @@ fn faults_of_reactions_have_their_place_and_a_way_out() {
         ("set wrong = { A \"Glucose!\" }\neq d/dt x = -x/1 [h]", "`Glucose!` is not the formula of a species"),
     ] {
         let output = smpl(&["check", name(&file("faults", "m.eq", format!("{head}{lines}\n")))]);
-        let told = text(&output.stderr);
-        assert!(status(&output) == 1 && told.contains(message), "{lines}\n{told}");
-        assert_eq!(told.matches('×').count(), 1, "one cause is one diagnostic: {told}");
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message), "{lines}\n{shown}");
+        assert_eq!(shown.matches('×').count(), 1, "one cause is one diagnostic: {shown}");
     }
 }
 

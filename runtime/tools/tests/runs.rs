@@ -243,7 +243,7 @@ fn the_start_of_an_element_in_a_scenario_holds_against_that_of_its_array() {
     }
 }
 
-/// What is said of one action holds against what is said of all, in policies and at the steady state.
+/// A value for one action overrides a value for all, in policies and at the steady state.
 #[test]
 fn the_value_of_an_element_holds_in_policies_and_at_rest() {
     let folder = folder("elements");
@@ -277,7 +277,7 @@ fn policies_of_components_have_paths() {
     assert!(fails(&folder, &["simulate", "m.eq", "--policy", "fill"]).contains("nominal, random, P[1].fill, P[2].fill"));
 }
 
-/// A swept start has a column of its own beside that of its state, and the table can be read back.
+/// A swept start has its own column next to that of its state, and the table can be read back.
 #[test]
 fn the_column_of_a_swept_start_is_not_that_of_the_state() {
     let folder = folder("swept-start");

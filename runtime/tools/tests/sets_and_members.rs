@@ -97,9 +97,9 @@ fn faults_of_sets_and_members_have_their_place_and_a_way_out() {
         ("set pair = (z, w)\nlet a : 1 = sum(x for x in pair)", "unknown name `w`"),
     ] {
         let output = smpl(&["check", name(&file("faults", "m.eq", format!("{HEAD}{line}\n{TAIL}")))]);
-        let told = text(&output.stderr);
-        assert!(status(&output) == 1 && told.contains(message), "{line}\n{told}");
-        assert_eq!(told.matches('×').count(), 1, "one cause is one diagnostic: {told}");
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message), "{line}\n{shown}");
+        assert_eq!(shown.matches('×').count(), 1, "one cause is one diagnostic: {shown}");
     }
 }
 

@@ -62,7 +62,7 @@ fn units_of_the_header_are_those_of_the_table_or_convert() {
 
 #[test]
 fn a_table_over_two_quantities_is_that_of_scipy() {
-    // By hand: bilinear between 0, 10; 100, 110.
+    // Computed manually: bilinear between 0, 10; 100, 110.
     let grid = "table h over (T : s, p : 1) linear {\n  columns: 1, 2\n  0: 0, 10\n  4: 100, 110\n}";
     near(&run("bilinear", "", grid, "h(t, 1.25)"), &[2.5, 15.0, 27.5]);
     let outside = run("bilinear_outside", "", &grid.replace("linear {", "linear outside linear {"), "h(t, 3)");
@@ -128,9 +128,9 @@ fn faults_of_files_have_their_place() {
         std::fs::write(beside(&path, "k.csv"), content).expect("a table");
         std::fs::write(path.parent().and_then(std::path::Path::parent).expect("a folder").join("k.csv"), content).expect("a table");
         let output = smpl(&["check", name(&path)]);
-        let told = text(&output.stderr);
-        assert!(status(&output) == 1 && told.contains(message), "{content}{table}\n{told}");
-        assert_eq!(told.matches('×').count(), 1, "one cause is one diagnostic: {told}");
+        let shown = text(&output.stderr);
+        assert!(status(&output) == 1 && shown.contains(message), "{content}{table}\n{shown}");
+        assert_eq!(shown.matches('×').count(), 1, "one cause is one diagnostic: {shown}");
     }
 }
 

@@ -1,1 +1,1 @@
-"""What the tests of exports share: models, points, and an evaluator of exported models."""
+"""Common parts of the tests of exports: models, points, and an evaluator of exported models."""

@@ -47,7 +47,7 @@ BINARY = {
     "and": np.logical_and,
     "or": np.logical_or,
 }
-# Kinds whose first operand is a node and whose second is none.
+# Kinds whose first operand is a node and whose second is not.
 ONE_AND_MORE = ("integer_power", "passed_below", "passed_up_to", "entry")
 REDUCE = {"sum": np.add, "product": np.multiply, "minimum": np.minimum, "maximum": np.maximum}
 

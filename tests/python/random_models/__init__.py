@@ -1,4 +1,4 @@
-"""Random models with an evaluation of their own."""
+"""Random models with an independent evaluation."""
 
 from .model import PartedModel, RandomModel
 from .space import RandomSpace

@@ -33,7 +33,7 @@ class Domain:
         return factor * power * self.edge(world, face) ** (power - 1)
 
     def at_face(self, face: int, cells: Sequence[Number], forward: bool = True) -> Number:
-        """The value at a face; the cell beside the end where there is none beyond. `forward`: the flow goes up."""
+        """The value at a face, at an end that of the last cell. `forward`: the flow goes up."""
         if face in (0, self.cells):
             return cells[0] if face == 0 else cells[-1]
         low, high = cells[face - 1], cells[face]
@@ -51,7 +51,7 @@ class Domain:
 
     @property
     def directed(self) -> bool:
-        """Whether the scheme follows the flow."""
+        """True if the scheme follows the flow."""
         return self.scheme in ("upwind", "upwind2", "limited")
 
 

@@ -29,8 +29,8 @@ ROLES = ("param", "table", "action", "state", "let", "abbreviation", "var", "ord
 class RandomModel(Writer):
     """A model drawn from a seed.
 
-    `definitions` hold parameters, tables, algebraic variables and observations in the order of dependence, `initials`
-    the initial values and `rates` the time derivatives of the states; `arrays` what is declared, by role.
+    `definitions` hold parameters, tables, algebraic variables and observations in the order of dependence.
+    `initials` are the initial values and `rates` the time derivatives of the states; `arrays` are declarations by role.
     """
 
     sizes: tuple[int, ...] = SIZES

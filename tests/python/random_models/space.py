@@ -1,4 +1,4 @@
-"""Random models on spatial domains, with an evaluation of their own from the documented formulas."""
+"""Random models on spatial domains, with an independent evaluation by the documented formulas."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Velocity:
-    """A factor of face values; `turns`: nothing declared tells its sign, and it is known at the ends."""
+    """A factor of face values; `turns`: its sign is not declared, and it is known at the ends."""
 
     factor: Expr
     turns: bool = False
@@ -41,7 +41,7 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Flow:
-    """What a flux carries; the velocity that may be given at an end, its direction there, what it carries out."""
+    """Content of a flux; the velocity given at an end, its direction there, the content that flows out."""
 
     inside: Expr
     given: Velocity | None
@@ -164,7 +164,7 @@ class RandomSpace:
     # Expressions in a cell.
 
     def _element(self, field: Field, bound: Bound, offsets: Mapping[str, int] | None = None) -> Expr:
-        """An element in the bound cells, in neighbours that exist, or in a cell of its own."""
+        """An element in the bound cells, in neighbours that exist, or in another cell."""
         texts, moves = [], []
         for a in field.axes:
             if a not in bound:

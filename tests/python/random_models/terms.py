@@ -43,7 +43,7 @@ class Index:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an index of an array runs over: the name of a set, or a range."""
+    """Range of an index of an array: the name of a set, or numbers."""
 
     text: str
     members: Members
@@ -68,7 +68,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an expression stands: what the bound indices may be, and how often it is evaluated."""
+    """Context of an expression: values of the bound indices, and how often it is evaluated."""
 
     bound: Mapping[str, Members] = field(default_factory=dict)
     count: int = 1

@@ -197,7 +197,7 @@ def tolerance(shape: Shape, crossings: list[Values], values: Values, horizon: fl
 
 
 def looped(plant: Plant) -> list[tuple[str, Shape]]:
-    """Twenty rates in one loop, each with a level of its own."""
+    """Twenty rates in one loop, each with its own level."""
     s = signal(plant)
     low, high = s.spread(plant.grid)
     first, apart = plant.number(low, high - 0.1 * (high - low)), float(f"{(high - low) / plant.number(20, 60):.6g}")

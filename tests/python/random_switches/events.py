@@ -98,7 +98,7 @@ def comparison(plant: Plant, function: Signal) -> Condition | None:
 
 
 def error_of_times(condition: Condition, times: Values, horizon: float) -> Values:
-    """How far times may be off: the error of the function over its slope."""
+    """Tolerance of times: the error of the function over its slope."""
     h = 1e-6 * horizon
     value = condition.function.value
     slope = np.abs(value(times + h) - value(times - h)) / (2 * h)

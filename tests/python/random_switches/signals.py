@@ -1,8 +1,8 @@
 """Signals: expressions of a model whose values over time are known.
 
-A signal is made of states with a closed solution (straight lines, polynomials, oscillations, exponentials, logistic
-growth), of states integrated by SciPy (Van der Pol, Lotka and Volterra, a pendulum), of time itself, and of sums,
-products, ratios and roots of these.
+A signal is made of states, of time, and of sums, products, ratios and roots of these.
+States have a closed solution (straight lines, polynomials, oscillations, exponentials, logistic growth) or are
+integrated by SciPy (Van der Pol, Lotka and Volterra, a pendulum).
 """
 
 from collections.abc import Callable

@@ -35,7 +35,7 @@ impl Folder {
     }
 }
 
-/// The command with a page of its own, and nothing of the user's.
+/// The command with its own page, and without the user's files.
 pub fn command(state: &Folder) -> Command {
     let dist = state.path().join("dist");
     std::fs::create_dir_all(&dist).expect("a folder");

@@ -14,12 +14,12 @@ pub fn status(output: &Output) -> i32 {
     output.status.code().expect("ends by itself")
 }
 
-/// What it wrote.
+/// Its output.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// A file in a folder of its own.
+/// A file in a new folder.
 pub fn file(test: &str, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("smpl-cli-{}-{test}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -28,7 +28,7 @@ pub fn file(test: &str, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
     path
 }
 
-/// The folder of a file, for those that stand beside it.
+/// The folder of a file, for those next to it.
 pub fn beside(path: &Path, name: &str) -> PathBuf {
     path.with_file_name(name)
 }
