@@ -1,8 +1,8 @@
 """Design of experiments: actions that show most about parameters.
 
 G. Franceschini, S. Macchietto, Chemical Engineering Science 63 (2008) 4846-4872, section 3
-(criteria of designs). The search is an exchange of actions (V. V. Fedorov, Theory of Optimal Experiments,
-1972, chapter 3) with L-BFGS-B of SciPy at its end.
+(criteria of designs). The search is an exchange of actions (V. V. Fedorov, Theory of Optimal
+Experiments, 1972, chapter 3) with L-BFGS-B of SciPy at its end.
 """
 
 from __future__ import annotations
