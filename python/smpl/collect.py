@@ -10,6 +10,8 @@ from typing import Any
 from smpl._native import CompileError
 from smpl.datasets import collect
 
+_NORMALIZE: dict[str, bool | str] = {"true": True, "false": False, "nominal": "nominal"}
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Collect as the command line says; the exit status is 1 where it cannot be done."""
@@ -82,6 +84,7 @@ def add_environment(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the first episode; the i-th has S + i")
     parser.add_argument("--starts", metavar="WHICH", help="sampled, grid:D:N, unclipped_grid:D:N, spread:D, FILE.csv")
     add_problem(parser)
+    add_normalize(parser)
 
 
 def add_problem(parser: argparse.ArgumentParser) -> None:
@@ -94,6 +97,13 @@ def add_problem(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-steps", type=int, metavar="N")
 
 
+def add_normalize(parser: argparse.ArgumentParser) -> None:
+    """Scale of the actions and observations that a policy was trained with."""
+    parser.add_argument(
+        "--normalize", choices=_NORMALIZE, help="scale of actions and observations, as of `smpl.Env`; default: true"
+    )
+
+
 def add_ray(parser: argparse.ArgumentParser) -> None:
     """The cluster that runs the work."""
     parser.add_argument(
@@ -104,6 +114,8 @@ def add_ray(parser: argparse.ArgumentParser) -> None:
 def environment(given: argparse.Namespace) -> dict[str, Any]:
     """Arguments of the environment."""
     settings = dict(_setting(text) for text in given.set)
+    chosen = getattr(given, "normalize", None)
+    normalize = {} if chosen is None else {"normalize": _NORMALIZE[chosen]}
     return {
         "scenario": given.scenario,
         "variants": tuple(given.variant) if given.variant else None,
@@ -111,6 +123,7 @@ def environment(given: argparse.Namespace) -> dict[str, Any]:
         "reward": given.reward,
         "observation": given.observation,
         "max_steps": given.max_steps,
+        **normalize,
     }
 
 

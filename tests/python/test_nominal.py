@@ -4,6 +4,7 @@ Expected numbers follow from the reactor's declaration: T_c = 26.85 in 15..35, q
 """
 
 import copy
+import json
 import pickle
 
 import gymnasium
@@ -12,8 +13,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import smpl
+import smpl.collect
+import smpl.evaluate
 from smpl.controllers import LQR
-from smpl.datasets import collect
+from smpl.datasets import collect, load
+from smpl.deploy import export_command
 from smpl.evaluation import evaluate, run_episode
 from smpl.wrappers import AroundNominal, outer_action
 
@@ -145,6 +149,17 @@ def test_data_sets_keep_it(tmp_path):
     for episode in data:
         assert (episode.actions == 0).all()
         assert (episode.details.physical == [26.85, 0.1]).all()
+
+
+def test_commands_take_the_scale_of_a_policy(tmp_path):
+    arguments = ["reactor", "--episodes", "2", "--max-steps", "5", "--normalize", "nominal", "--quiet"]
+    assert smpl.collect.main([*arguments, "--controller", "nominal", "--out", str(tmp_path / "data")]) == 0
+    assert load(tmp_path / "data").manifest.about["normalize"] == "nominal"
+    assert smpl.evaluate.main([*arguments, "--out", str(tmp_path / "scores")]) == 0
+    result = json.loads((tmp_path / "scores" / "result.json").read_text())
+    assert '"normalize": "nominal"' in json.dumps(result)
+    policy = ["nominal", "--env", "reactor", "--to", "c"]
+    assert export_command.main([*policy, "-o", str(tmp_path / "p.c"), "--normalize", "nominal"]) == 0
 
 
 def test_models_have_the_bounds_parameters_and_interval_of_their_environments():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from smpl.collect import add_problem, environment, guarded, once
+from smpl.collect import add_normalize, add_problem, environment, guarded, once
 from smpl.deploy.export import TARGETS, export_policy
 
 
@@ -19,13 +19,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--env", required=True, metavar="ENV", help="id, name or path of the model")
     parser.add_argument("--to", required=True, choices=tuple(TARGETS), help="language or format")
     parser.add_argument("-o", "--out", required=True, metavar="FILE", help="file, ending in .c, .onnx or .fmu")
-    parser.add_argument("--physical", action="store_true", help="the policy was trained with normalize=False")
+    parser.add_argument("--physical", dest="normalize", action="store_const", const="false", help=argparse.SUPPRESS)
     add_problem(parser)
+    add_normalize(parser)
     given = parser.parse_args(arguments)
 
     def export() -> int:
-        normalize = {"normalize": False} if given.physical else {}
-        print(export_policy(given.policy, given.env, given.to, given.out, **environment(given), **normalize))
+        print(export_policy(given.policy, given.env, given.to, given.out, **environment(given)))
         return 0
 
     return guarded(export)
