@@ -68,9 +68,8 @@ def test_a_pipe_names_a_flow_that_turns_or_stops(flow, failure):
 def loop(gain: float, integral: float, theta: float, times: np.ndarray) -> np.ndarray:
     """Step response of 1/((s + 1)(0.5 s + 1)) exp(-theta s) under PI control, 1 + ... as a series.
 
-    With L = G C, y = (L exp(-theta s) - L^2 exp(-2 theta s) + ...) / s: each term is the response of a rational
-    function, its inverse transform by residues, of which poles of any multiplicity come from the exponential of the
-    matrix of a realisation.
+    With L = G C, y = (L exp(-theta s) - L^2 exp(-2 theta s) + ...) / s. Each term is the response of a rational
+    function. The exponential of the matrix of a realisation gives it, with poles of any multiplicity.
     """
     from scipy.linalg import expm
     from scipy.signal import tf2ss

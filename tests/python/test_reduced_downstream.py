@@ -1,4 +1,4 @@
-"""Everything that uses a model, on reduced systems: the numbers of the same system reduced by hand."""
+"""Everything that uses a model, on reduced systems: the numbers of the same system reduced manually."""
 
 import gymnasium
 import numpy as np
@@ -111,7 +111,7 @@ def tangent(q):
 
 
 class Pair:
-    """A model as it is written, the one reduced by hand, and the states of one by those of the other."""
+    """A model as it is written, the one reduced manually, and the states of one by those of the other."""
 
     def __init__(self, written, by_hand, states, derivative, point, parameters):
         self.written, self.by_hand = smpl.compile(source=written), smpl.compile(source=by_hand)

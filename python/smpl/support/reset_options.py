@@ -29,8 +29,8 @@ def start_from_options(model: Model, options: Mapping[str, Any] | None) -> _nati
             or is set element by element. `disturbances` maps names to one value per step or one
             number; with `hold_disturbances` the last value holds after the end of a record, where a
             step otherwise fails. `start` is `sampled`, `nominal`, `steady` or `cyclic`.
-            `disturbance_seed` seeds what is drawn after the start (disturbances, errors of measurements); None for the
-            seed of the reset.
+            `disturbance_seed` seeds what is drawn after the start (disturbances, errors of
+            measurements); None for the seed of the reset.
 
     Raises:
         ValueError: an unknown key or name, a wrong shape, or a value that is not a finite number.

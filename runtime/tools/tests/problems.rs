@@ -164,7 +164,7 @@ fn transistor_amplifier_with_a_singular_matrix_of_rates() {
 }
 
 /// Published values of the first two particles and, from SciPy's DOP853 (`rtol=1e-12`) on the form
-/// reduced by hand, of the last one.
+/// reduced manually, of the last one.
 const FEKETE: [(&str, f64); 9] = [
     ("p[x,1]", -0.407_026_338_033_320_2),
     ("p[y,1]", 0.346_375_877_279_180_2),

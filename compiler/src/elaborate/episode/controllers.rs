@@ -12,6 +12,7 @@ use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::assignments::{Assignments, check_next};
 use crate::elaborate::episode::common::store;
+use crate::elaborate::episode::parameters::limits;
 use crate::elaborate::episode::regular;
 use crate::elaborate::episode::together::{Assignment, Draft, Kind};
 use crate::elaborate::hidden::element;
@@ -163,8 +164,7 @@ fn moved(l: &mut Lowering<'_, '_>, control: &Control, change: Value, unit: &Unit
 fn limited(l: &mut Lowering<'_, '_>, control: &Control, value: ExprId, (var, at): (VarId, Affine), unit: &Unit, place: &Place) -> ExprId {
     let (low, high) = match &control.limits {
         Some((low, high)) => {
-            let mut number = |e: &Expr| l.number_in(e, unit, "the limit", e.span, place);
-            (number(low), number(high))
+            limits(l, (low, high), unit, place, "the form is `limits low..high`; a bare number is in the unit of the output")
         }
         None => {
             let Some((low, high)) = l.quantities.get(&var).map(|q| (q.low.clone(), q.high.clone())) else { return value };

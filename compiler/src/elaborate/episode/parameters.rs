@@ -7,7 +7,7 @@ use smpl_dsl::units::Unit;
 use crate::elaborate::episode::common::{store, stream_name};
 use crate::elaborate::lower::loops::Piece;
 use crate::elaborate::lower::place::{Place, Site};
-use crate::elaborate::lower::{Lowering, defaults, nests};
+use crate::elaborate::lower::{Lowering, defaults, nests, units};
 use crate::elaborate::symbols::{SymbolId, SymbolKind, Symbols};
 use crate::graph::{Order, after_needs};
 use crate::ir::{Affine, BinaryFn, Compare, ExprId, FastMap, Flavour, Nest, Place as Memory, Program, Role, VarId};
@@ -122,6 +122,25 @@ fn dependency_order(l: &mut Lowering<'_, '_>, pieces: &[(VarId, Piece<(Affine, E
     order
 }
 
+/// Limits in a unit; reports constant ones that are the wrong way round.
+pub(in crate::elaborate) fn limits(
+    l: &mut Lowering<'_, '_>,
+    (a, b): (&Expr, &Expr),
+    unit: &Unit,
+    place: &Place,
+    help: &str,
+) -> (ExprId, ExprId) {
+    let (low, high) = (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place));
+    if let [Some(x), Some(y)] = [low, high].map(|e| defaults::constant_value(l, e))
+        && x > y
+    {
+        let unit = if units::is_dimensionless(unit) { String::new() } else { format!(" [{unit}]") };
+        let message = format!("the limits are the wrong way round: {x}..{y}{unit}");
+        l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, a.span.to(b.span)).help(help));
+    }
+    (low, high)
+}
+
 /// A value limited as a `clip` clause says.
 pub(in crate::elaborate) fn clipped(
     l: &mut Lowering<'_, '_>,
@@ -134,16 +153,7 @@ pub(in crate::elaborate) fn clipped(
 ) -> ExprId {
     let (low, high) = match clip {
         None => return v,
-        Some(Clip::Range(a, b)) => {
-            let (low, high) = (l.number_in(a, unit, "the limit", a.span, place), l.number_in(b, unit, "the limit", b.span, place));
-            if let [Some(x), Some(y)] = [low, high].map(|e| defaults::constant_value(l, e))
-                && x > y
-            {
-                let message = format!("the limits are the wrong way round: {x}..{y}");
-                l.ledger.report(Diagnostic::error(codes::WRONG_ARGUMENTS, message, a.span.to(b.span)).help("the form is `clip low..high`"));
-            }
-            (low, high)
-        }
+        Some(Clip::Range(a, b)) => limits(l, (a, b), unit, place, "the form is `clip low..high`"),
         Some(Clip::Bounds(span)) => {
             let Some(q) = l.quantities.get(&var) else { return v };
             let first = at.offset.max(0) as usize;
