@@ -247,29 +247,28 @@ impl Environment {
 
     /// States, discrete variables and what the algebraic equations make of them. Initial values
     /// that read algebraic unknowns are worked out from their guesses first, and again from the
-    /// solution, as often as one such value needs another.
-    fn initial_values(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
+    /// solution, as often as one such value needs another. Returns the values that were given to
+    /// states which follow from constraints.
+    pub(super) fn settle_initial_values(&mut self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
         self.initial_inputs(options);
         self.initial_states(options)?;
         self.initial_discretes(options)?;
         self.settle_discretes(options)?;
-        let given = self.given_following();
+        let mut given = self.given_following();
         self.meet_conditions(options)?;
         self.make_consistent()?;
-        // Conditions at the start move states: the others follow.
-        if options.start != Start::Steady && self.setup.freed.pairs.is_empty() {
-            self.refuse_unfit(options, &given)?;
-            self.refuse_off_constraints(options)?;
-        }
         for passes_left in (0..self.setup.programs.start_passes).rev() {
             let first = self.setup.model().states();
             let solved = self.progress.y[first..].to_vec();
             let states = self.progress.y[..first].to_vec();
             let discretes = self.system.region(Region::Discrete).to_vec();
             self.initial_states(options)?;
+            let declared = self.given_following();
             self.progress.y[first..].copy_from_slice(&solved);
             if options.start != Start::Steady {
+                declared.iter().for_each(|&(at, value)| self.progress.y[at] = value);
                 self.run_initial_states(options)?;
+                given = self.given_following();
             }
             self.initial_discretes(options)?;
             self.settle_discretes(options)?;
@@ -287,7 +286,7 @@ impl Environment {
                 self.progress.y[..first].copy_from_slice(&states);
                 self.progress.y[first..].copy_from_slice(&solved);
                 self.system.region_mut(Region::Discrete).copy_from_slice(&discretes);
-                return Ok(());
+                return Ok(given);
             }
             if passes_left == 0 {
                 let families = [(&self.setup.catalogue.states, state), (&self.setup.catalogue.discretes, discrete)];
@@ -298,7 +297,7 @@ impl Environment {
             }
             self.make_consistent()?;
         }
-        Ok(())
+        Ok(given)
     }
 
     fn initial_states(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
