@@ -40,6 +40,19 @@ fn a_fault_two_levels_deep_is_told_once_with_all_that_it_takes() {
 }
 
 #[test]
+fn components_that_a_choice_may_give_are_checked() {
+    let found = told(
+        "component Ideal { def f(x) = x }\ncomponent Wrong { def g(x) = x }\ncomponent Heavy { def f(x) = x*1 [m] }\n\
+         choice law = Ideal | Wrong | Heavy\n\
+         component Flash(model = Ideal) { state T = 3 in 0..5; eq d/dt T = -f(T) / 1 [s] }\n\
+         use Flash as one(model = law)\nobserve one.T\n",
+    );
+    let [heavy, wrong] = &found[..] else { panic!("{found:?}") };
+    assert!(heavy.0.starts_with("E0302") && heavy.2.contains("`law = Heavy`"), "{heavy:?}");
+    assert!(wrong.0.starts_with("E0206") && wrong.1 == "law" && wrong.2.contains("`law = Wrong`"), "{wrong:?}");
+}
+
+#[test]
 fn what_another_variant_declares_is_no_unknown_name() {
     let found = told(&format!("{DECAY}variant with_k {{ param k = 2 }}\nvariant uses_k {{ eq d/dt x = -k*x / 1 [s] }}"));
     assert_eq!(found, []);

@@ -82,6 +82,12 @@ fn is_made(l: &mut Lowering<'_, '_>, condition: &Expr, place: &Place) -> bool {
 fn connect(l: &mut Lowering<'_, '_>, place: &Place, (chain, span): (&[Expr], Span), out: &mut Vec<Equation>, nodes: &mut Nodes) {
     for pair in chain.windows(2) {
         let (Some(from), Some(to)) = (paths::scope_of(l, &pair[0], place), paths::scope_of(l, &pair[1], place)) else { continue };
+        if from == to {
+            let message = format!("`{}` is connected to itself", l.symbols.scopes[from].prefix.trim_end_matches('.'));
+            let fault = Diagnostic::error(codes::CYCLIC_DEFINITION, message, pair[1].span);
+            l.ledger.report(fault.help("connect it to another port, or leave the connection out"));
+            continue;
+        }
         let members = |s: &Lowering<'_, '_>, scope: ScopeId| -> BTreeMap<String, SymbolId> {
             s.symbols.scopes[scope].names.iter().map(|(n, &id)| (n.clone(), id)).collect()
         };

@@ -64,10 +64,11 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let (initial_states, mut initial_discretes) = initial::initial_programs(l, blocks);
     let (conditions, start_conditions) = starts::start_conditions(l, blocks);
     let disturb = parameters::disturbance_program(l);
-    let mut instants = instants::instant_programs(l, blocks, episode.integrate);
+    let mut instants = instants::instant_programs(l, blocks);
     initial_discretes.nests.extend(regular::initial(l));
     solver.max_events = solver.max_events.saturating_add(regular::most_in_a_step(l, episode.integrate));
     phases::schedule_programs(l, &mut instants);
+    regular::regular_programs(l, episode.integrate, &mut instants);
     let policies = policies::policies(l, blocks);
     let ending = finish::ending(l, blocks, &mut episode);
     let (mut outputs, mut algebraics) = outputs::output_program(l);

@@ -12,6 +12,18 @@ eq d/dt y = (u - y) / 5 [s]
 at every 3 [s]   { next a = a + 1 }
 at every 0.7 [s] { next b = b + a }
 control u from y setpoint r gain 0.8 reset 4 [s] manual (if hold > 1 then u else 1.5) when hold > 0.5 every 3 [s]
+phase one for 6 [s] then two
+phase two for 24 [s] then three
+phase three
+event mark when t >= 15 [s]
+at mark { next marked = 1 }
+discrete marked     = 0
+discrete ticks_two  = 0
+discrete ticks_mark = 0
+at every 3 [s] {
+  next ticks_two  = ticks_two + (if phase == two then 1 else 0)
+  next ticks_mark = ticks_mark + marked
+}
 observe x in -1e9..1e9, y in -1e9..1e9
 reward q default = -sq(y - r)
 episode { step = 10 [s], max_steps = 100 }
@@ -28,6 +40,17 @@ test "instants lie at multiples of their intervals" {
   expect a within 0 of 10
   expect b within 0 of 231
   expect x within 1e-7 of 165
+}
+
+# Counted: 6, 9, ..., 27 and 15, 18, ..., 27, although the phase ends inside of a step once and at its end once.
+test "events and ends of phases precede an instant at the same time" {
+  start nominal
+  steps 3
+  expect ticks_two within 0 of 8
+  expect ticks_mark within 0 of 5
+  steps 1
+  expect ticks_two within 0 of 8
+  expect ticks_mark within 0 of 9
 }
 
 # NumPy with the exact step of a first-order lag between the instants.

@@ -43,6 +43,35 @@ fn more_regular_instants_than_the_limit_of_events_are_no_failure() {
 }
 
 #[test]
+fn an_instant_happens_once_however_short_the_steps_are() {
+    for (every, step) in [("1 [h]", "1e-3 [s]"), ("7 [d]", "0.5 [s]"), ("1 [d]", "0.05 [s]")] {
+        let source = format!(
+            "time t : s\nstate x = 0\ndiscrete m = 0\neq d/dt x = 1 [1/s]\nat every {every} {{ next m = m + 1 }}\n\
+             observe x in 0..99\nepisode {{ step = {step}, max_steps = 100 }}\n\
+             test \"once\" {{ start nominal; steps 20; expect m within 0 of 1 }}\n"
+        );
+        passes("regular_once", &source);
+    }
+}
+
+#[test]
+fn phases_that_end_at_an_instant_precede_it_by_any_step() {
+    // Instants in `a` at 0 and 1 s, in `b` at 2 s, in `a` at 3 s: 1 + 1 + 100 + 1 is 103.
+    // The event at 3 s precedes the fourth instant.
+    for (step, steps) in [("0.2", 16), ("0.25", 13), ("0.3", 11), ("0.4", 8), ("0.5", 7), ("0.6", 6), ("0.7", 5), ("3.9", 1)] {
+        let source = format!(
+            "time t : s\nstate x = 0\ndiscrete m = 0\ndiscrete c = 0\ndiscrete k = 0\neq d/dt x = 1 [1/s]\n\
+             phase a for 2 [s] then b\nphase b for 1 [s] then a\n\
+             at every 1 [s] {{ next m = m + (if phase == a then 1 else 100) ; next c = c + 1 }}\n\
+             event e when x >= 3\nat e {{ next k = c }}\n\
+             observe x in 0..99\nepisode {{ step = {step} [s], max_steps = 1000 }}\n\
+             test \"order\" {{ start nominal; steps {steps}; expect m within 0 of 103; expect k within 0 of 3 }}\n"
+        );
+        passes("regular_order", &source);
+    }
+}
+
+#[test]
 fn a_model_as_json_has_its_regular_instants() {
     let path = file("regular_json", "m.eq", SOURCE);
     let json = beside(&path, "m.json");

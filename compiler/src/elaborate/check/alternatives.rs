@@ -1,5 +1,5 @@
-//! Checks of unselected parts: bodies of variants that are off, and of options that another one
-//! precedes.
+//! Checks of unselected parts: bodies of variants that are off, bodies of options that another one
+//! precedes, and components that a choice may give to an instance.
 //!
 //! Each of them is put in force in turn, with its enclosing blocks, and the model elaborated anew;
 //! faults inside of the body are reported as warnings. A body may name what another variant
@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, Severity, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Domain, File, Flux, Phase, Statement, StatementKind, TimeTable};
+use smpl_dsl::syntax::{Domain, Expr, ExprKind, File, Flux, Ident, Phase, Statement, StatementKind, TimeTable};
 
 use crate::elaborate::budget::is_spent;
 use crate::elaborate::options::Options;
@@ -30,9 +30,13 @@ type Asked = Vec<(String, String)>;
 struct Body<'a> {
     /// Selections that it needs, the outermost first.
     asked: Asked,
-    span: Span,
+    /// Places whose faults count.
+    spans: Vec<Span>,
     statements: &'a [Statement],
 }
+
+/// A statement `use`, its component and its arguments.
+type Use<'a> = (Span, &'a str, &'a [(Ident, Expr)]);
 
 /// Faults in what is not in force, as warnings; `chosen` returns the option of a variant or choice,
 /// and `spent` is the work that the model took.
@@ -46,6 +50,7 @@ pub(in crate::elaborate) fn faults_in_alternatives(
     let mut bodies = Vec::new();
     let own = structural_switches(files);
     files.iter().for_each(|file| collect(&file.statements, (chosen, &own), &Asked::new(), &mut bodies));
+    components_to_choose(files, chosen, &mut bodies);
     let mut declared = HashSet::new();
     bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
     let statements = files.iter().map(|file| count(&file.statements)).sum();
@@ -90,9 +95,43 @@ fn collect<'a>(
             asked.push((name.clone(), option.to_owned()));
         }
         if !asked.is_empty() {
-            out.push(Body { asked: asked.clone(), span: statement.span, statements: body });
+            out.push(Body { asked: asked.clone(), spans: vec![statement.span], statements: body });
         }
         collect(body, (chosen, own), &asked, out);
+    }
+}
+
+/// Options that are components and not in force, where an instance has the choice as an argument:
+/// their faults are those of the instance and of its component.
+fn components_to_choose<'a>(files: &'a [File], chosen: &HashMap<String, String>, out: &mut Vec<Body<'a>>) {
+    let all = || files.iter().flat_map(|file| &file.statements);
+    let mut uses = Vec::new();
+    all().for_each(|statement| instances(statement, &mut uses));
+    let component = |statement: &'a Statement| match &statement.kind {
+        StatementKind::Component { name, .. } => Some((name.text.as_str(), statement.span)),
+        _ => None,
+    };
+    let components: HashMap<&str, Span> = all().filter_map(component).collect();
+    for statement in all() {
+        let StatementKind::Choice { name, options, .. } = &statement.kind else { continue };
+        let is_argument = |(_, e): &(Ident, Expr)| matches!(&e.kind, ExprKind::Name(given) if given.text == name.text);
+        let given = uses.iter().filter(|(.., arguments)| arguments.iter().any(is_argument));
+        let spans: Vec<Span> = given.flat_map(|(span, of, _)| [Some(*span), components.get(of).copied()]).flatten().collect();
+        let others = options.iter().filter(|option| chosen.get(&name.text) != Some(&option.text));
+        for option in others.filter(|option| !spans.is_empty() && components.contains_key(option.text.as_str())) {
+            out.push(Body { asked: vec![(name.text.clone(), option.text.clone())], spans: spans.clone(), statements: &[] });
+        }
+    }
+}
+
+/// The statements `use` in a statement.
+fn instances<'a>(statement: &'a Statement, out: &mut Vec<Use<'a>>) {
+    match &statement.kind {
+        StatementKind::Instance { component, arguments, .. } => out.push((statement.span, &component.text, arguments)),
+        StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => {
+            body.iter().for_each(|inner| instances(inner, out));
+        }
+        _ => {}
     }
 }
 
@@ -193,7 +232,7 @@ impl Check<'_, '_> {
         let (faults, spent) = (self.faults_with)(&options, reading as u32);
         self.spent = spent;
         let Some(faults) = faults else { return Vec::new() };
-        let here = |fault: &Diagnostic| fault.is_error() && body.span.contains(fault.primary.span);
+        let here = |fault: &Diagnostic| fault.is_error() && body.spans.iter().any(|span| span.contains(fault.primary.span));
         faults.shown().into_iter().filter(here).collect()
     }
 }
@@ -212,6 +251,6 @@ fn told(fault: Diagnostic, asked: &Asked) -> Diagnostic {
 }
 
 fn not_checked(body: &Body<'_>) -> Diagnostic {
-    Diagnostic::warning(codes::TOO_LARGE, "this and what is not in force below is not checked: there is too much of it", body.span)
+    Diagnostic::warning(codes::TOO_LARGE, "this and what is not in force below is not checked: there is too much of it", body.spans[0])
         .help("check it with `--variant`")
 }

@@ -59,12 +59,17 @@ impl<'a> Declaring<'_, 'a> {
 
     /// Returns `true` if a component has functions and data only.
     fn is_package(&mut self, component: &'a Statement) -> bool {
+        self.other_than_data(component).is_none()
+    }
+
+    /// The first statement of a component that is neither a function nor data.
+    fn other_than_data(&mut self, component: &'a Statement) -> Option<&'a Statement> {
         let is_data = |statement: &Statement| match &statement.kind {
             StatementKind::Def { .. } | StatementKind::Set { .. } | StatementKind::Table(_) | StatementKind::TimeTable(_) => true,
             StatementKind::Declare { role, .. } => matches!(role, Role::Param | Role::Let),
             _ => false,
         };
-        self.lineage(component).bodies.into_iter().flatten().all(is_data)
+        self.lineage(component).bodies.into_iter().flatten().find(|statement| !is_data(statement))
     }
 
     /// The component that a default names.
@@ -103,6 +108,15 @@ impl<'a> Declaring<'_, 'a> {
         else {
             return component;
         };
+        if self.is_package(wanted)
+            && let Some(other) = self.other_than_data(component)
+        {
+            let message = format!("`{}` cannot be the `{}` of this component: it is not a package", given.text, name.text);
+            let fault =
+                Diagnostic::error(codes::WRONG_ARGUMENTS, message, argument.span).secondary(other.span, "neither a function nor data");
+            self.work.ledger.report(fault.help("a package holds functions, sets, tables, parameters and named expressions only"));
+            return wanted;
+        }
         let has = self.members(component);
         let lacks: Vec<String> = self
             .members(wanted)

@@ -21,6 +21,8 @@ pub(in crate::elaborate) struct Instants {
     pub start: Program,
     /// At its end.
     pub end: Program,
+    /// At regular instants.
+    pub regular: Program,
     /// At events.
     pub events: Vec<Program>,
     /// Places of the events.

@@ -45,9 +45,8 @@ impl<'a> Drafts<'a> {
     }
 }
 
-/// The programs of `at start`, `at end`, of regular instants and of events; `interval` is the
-/// integrated length of a step.
-pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], interval: f64) -> Instants {
+/// The programs of `at start`, `at end`, of regular instants and of events.
+pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)]) -> Instants {
     let mut out = Instants::default();
     let mut assignments = Assignments::default();
     let [start, controllers, regular] = [(); 3].map(|()| Draft::of_start());
@@ -78,9 +77,8 @@ pub(in crate::elaborate) fn instant_programs<'a>(l: &mut Lowering<'_, 'a>, block
         }
     }
     (out.start, out.end) = (drafts.start.program(l), drafts.end.program(l));
-    let mut regular = drafts.controllers.program(l);
-    regular.nests.extend(drafts.regular.program(l).nests);
-    regular::regular_programs(l, regular, interval, &mut out);
+    out.regular = drafts.controllers.program(l);
+    out.regular.nests.extend(drafts.regular.program(l).nests);
     let events: Vec<_> = drafts.events.into_iter().map(|(scope, name, draft)| (scope, name, draft.program(l))).collect();
     watched_events(l, blocks, &events, &mut out);
     out
@@ -141,7 +139,8 @@ fn refuse_event(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)], n
         _ => None,
     });
     let Some(failure) = failure else {
-        let help = did_you_mean(name, known);
+        let interval = (name == "every").then(|| "state the interval: `at every 3 [s] { ... }`".to_owned());
+        let help = interval.or_else(|| did_you_mean(name, known));
         l.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, format!("no event is called `{name}`"), span).maybe_help(help));
         return;
     };

@@ -18,7 +18,8 @@ use crate::elaborate::lower::{Lowering, defaults};
 use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, LoopVar, Nest, Place as Memory, Program, Store, UnaryFn, VarId};
 use crate::model::Root;
 
-/// Distance, in parts of the interval, at which two instants are one.
+/// Distance at which two instants are one, in parts of the interval or of the step, whichever is
+/// shorter: an instant that was done is not found again in a later step.
 const TOGETHER: f64 = 1e-6;
 
 /// Most instants of one interval in a step.
@@ -69,7 +70,7 @@ pub(super) fn due(l: &mut Lowering<'_, '_>, every: &Expr, place: &Place) -> Opti
 
 fn is_due(l: &mut Lowering<'_, '_>, at: (VarId, usize), interval: f64) -> ExprId {
     let next = next_time(l, at, interval);
-    let (time, near) = (l.exprs.time(), l.exprs.constant(TOGETHER * interval));
+    let (time, near) = (l.exprs.time(), l.exprs.constant(TOGETHER * interval.min(l.names.step)));
     let until = l.exprs.add(time, near);
     l.exprs.compare(Compare::Le, next, until)
 }
@@ -85,8 +86,9 @@ fn number_of(l: &mut Lowering<'_, '_>, (ticks, number): (VarId, usize)) -> ExprI
 }
 
 /// Appends the regular instants at the start of a step to its program, and makes events of those
-/// inside of it; `interval` is the integrated length of a step.
-pub(super) fn regular_programs(l: &mut Lowering<'_, '_>, body: Program, interval: f64, out: &mut Instants) {
+/// inside of it; `interval` is the integrated length of a step. They are the last of the events: an
+/// event or the end of a phase at the same time precedes them, as one at the end of a step does.
+pub(in crate::elaborate) fn regular_programs(l: &mut Lowering<'_, '_>, interval: f64, out: &mut Instants) {
     let Some((ticks, intervals)) = l.hidden.regular.as_ref().map(|regular| (regular.ticks, regular.intervals.clone())) else { return };
     if intervals.is_empty() {
         return;
@@ -94,7 +96,7 @@ pub(super) fn regular_programs(l: &mut Lowering<'_, '_>, body: Program, interval
     let (first, advance): (Vec<Store>, Vec<Store>) =
         intervals.iter().enumerate().map(|(number, &x)| (first_number(l, (ticks, number), x), following(l, (ticks, number), x))).unzip();
     let nest = |stores| Nest { loops: Vec::new(), stores };
-    let mut program = Program { nests: body.nests, in_place: true };
+    let mut program = Program { in_place: true, ..std::mem::take(&mut out.regular) };
     program.nests.push(nest(advance));
     out.start.nests.push(nest(first));
     out.start.nests.extend(program.nests.iter().cloned());
@@ -109,7 +111,8 @@ pub(super) fn regular_programs(l: &mut Lowering<'_, '_>, body: Program, interval
 
 /// The number of the first instant that is not before the present time.
 fn first_number(l: &mut Lowering<'_, '_>, (ticks, number): (VarId, usize), interval: f64) -> Store {
-    let (time, interval, near) = (l.exprs.time(), l.exprs.constant(interval), l.exprs.constant(TOGETHER));
+    let near = TOGETHER * (l.names.step / interval).min(1.0);
+    let (time, interval, near) = (l.exprs.time(), l.exprs.constant(interval), l.exprs.constant(near));
     let ratio = l.exprs.div(time, interval);
     let ratio = l.exprs.sub(ratio, near);
     let first = l.exprs.unary(UnaryFn::Ceil, ratio);
@@ -128,7 +131,7 @@ fn following(l: &mut Lowering<'_, '_>, at: (VarId, usize), interval: f64) -> Sto
 /// or later.
 fn root(l: &mut Lowering<'_, '_>, at: (VarId, usize), interval: f64, length: f64) -> ExprId {
     let next = next_time(l, at, interval);
-    let (begin, length) = (builtin(l, Builtin::Begin), l.exprs.constant(length - TOGETHER * interval));
+    let (begin, length) = (builtin(l, Builtin::Begin), l.exprs.constant(length - TOGETHER * interval.min(l.names.step)));
     let end = l.exprs.add(begin, length);
     let inside = l.exprs.compare(Compare::Lt, next, end);
     let (time, away) = (l.exprs.time(), l.exprs.constant(-1.0));

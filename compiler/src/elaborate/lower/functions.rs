@@ -242,9 +242,10 @@ fn flavoured(l: &mut Lowering<'_, '_>, span: Span, name: &str, flavour: Flavour,
     let (message, help) = match at_frame {
         Ok(expr) => return Value { expr, unit: v.unit },
         Err(Unframed::OverTime) => (format!("`{name}` of a derivative, an integral over the step or a delayed value"), None),
-        Err(Unframed::Frame) => {
-            (format!("`{name}` of `previous`"), Some("a discrete variable keeps what was two steps ago: `at end { next last = x }`"))
-        }
+        Err(Unframed::Frame) => (
+            format!("`{name}` of `previous` or `sampled`"),
+            Some("a discrete variable keeps what was two steps ago: `at end { next last = x }`"),
+        ),
         Err(Unframed::Outcome) => (format!("`{name}` of how the step ends"), None),
     };
     let fault = Diagnostic::error(codes::MISPLACED_FUNCTION, message, span);

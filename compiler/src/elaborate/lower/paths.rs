@@ -104,8 +104,10 @@ pub(in crate::elaborate) fn scope_of(l: &mut Lowering<'_, '_>, e: &Expr, place: 
             let path = l.symbols[symbol].path.clone();
             let first = row.list.first().map_or("1", |(l, _)| l.as_str());
             let count = if row.indices == 1 { "one index".to_owned() } else { format!("{} indices", row.indices) };
+            let is_port = |scope| l.symbols.ports.binary_search_by_key(scope, |port| port.scope).is_ok();
+            let what = if row.list.first().is_some_and(|(_, scope)| is_port(scope)) { "an array of ports" } else { "a row of instances" };
             l.ledger.report(
-                Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is a row of instances and takes {count}"), e.span)
+                Diagnostic::error(codes::WRONG_SHAPE, format!("`{path}` is {what} and takes {count}"), e.span)
                     .help(format!("write `{path}[{first}]`")),
             );
             None

@@ -2,7 +2,7 @@
 
 use smpl_dsl::latex;
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Binder, Clip, Control, Expr, Ident, Observation, Phase, Statement, StatementKind};
+use smpl_dsl::syntax::{Binder, Clip, Control, Expr, ExprKind, Ident, Observation, Phase, Statement, StatementKind};
 
 use super::markdown::{self, code, display, math, prose};
 use super::statements::{self, Writer};
@@ -114,7 +114,14 @@ impl<'s> Writer<'s> {
         let written = self.source.texts.text(o.value.span).split_whitespace().collect::<Vec<_>>().join(" ");
         let named = o.name.as_ref().map(|name| code(&name.text));
         let is = if named.is_some() { over(latex::expression(&o.value), &o.binders) } else { latex::binders(&o.binders) };
-        let count = |value: &Option<Expr>| value.as_ref().map(|e| self.inline(e));
+        // A number without a unit counts steps.
+        let count = |value: &Option<Expr>| {
+            value.as_ref().map(|e| match e.kind {
+                ExprKind::Number { unit: None, value: 1.0 } => "1 step".to_owned(),
+                ExprKind::Number { unit: None, .. } => format!("{} steps", self.inline(e)),
+                _ => self.inline(e),
+            })
+        };
         // Unit and range of what is observed by its own name are those of its declaration.
         let own = o.name.as_ref().map_or(written.as_str(), |name| name.text.as_str());
         let mut alike =
@@ -128,9 +135,9 @@ impl<'s> Writer<'s> {
             unit.unwrap_or_default(),
             if is.is_empty() { is } else { math(&is) },
             o.bounds.as_ref().map(|(low, high)| self.range(low, high)).or(range).unwrap_or_default(),
-            count(&o.noise).unwrap_or_default(),
-            count(&o.every).map(|n| format!("every {n} steps")).unwrap_or_default(),
-            count(&o.delay).map(|n| format!("{n} steps late")).unwrap_or_default(),
+            o.noise.as_ref().map(|e| self.inline(e)).unwrap_or_default(),
+            count(&o.every).map(|n| format!("every {n}")).unwrap_or_default(),
+            count(&o.delay).map(|n| format!("{n} late")).unwrap_or_default(),
             prose(o.text.as_deref().unwrap_or("")),
         ];
         self.row(OBSERVED, row);

@@ -316,7 +316,8 @@ impl<'s> Writer<'s> {
     /// A heading where the text has none: one for each kind of statement.
     fn open_chapter(&mut self, kind: &StatementKind) {
         let chapter = chapter(kind);
-        if self.inside.is_some() || chapter.is_empty() || chapter == self.chapter {
+        let another_component = chapter == "Components" && self.chapter == "component";
+        if self.inside.is_some() || chapter.is_empty() || chapter == self.chapter || another_component {
             return;
         }
         if !self.titled || self.chapter == "component" {
