@@ -23,6 +23,10 @@ const SETTLED: f64 = 10.0;
 /// Difference of two periods, in tolerances of the solver, that counts as none.
 const ALIKE: f64 = 50.0;
 
+/// Periods after which the search looks for quantities that only accumulate: some do not move in
+/// the first periods.
+const REVIEWS: [usize; 4] = [0, 6, 30, 150];
+
 /// Start of a period: states and discrete variables, and the conditions of events.
 #[derive(Clone)]
 struct Point {
@@ -66,25 +70,37 @@ impl Environment {
     /// Iterates the map of a period to its fixed point.
     fn search(&mut self, start: &Snapshot, steps: u32) -> Result<Point, ResetError> {
         let mut point = Point { values: self.point(), edges: self.progress.edges.clone() };
+        let first = point.values.clone();
         let mut mixture = Mixture { held: vec![false; point.values.len()], ..Mixture::default() };
         let mut open = None;
         for number in 0..MOST_PERIODS {
             let begin = point.clone();
             let end = match self.period(start, &mut point, steps) {
                 Ok(end) => end,
+                Err(ResetError::Interrupted) => return Err(ResetError::Interrupted),
                 // A mixture may lead where the model has no solution: the last end does not.
                 Err(error) => {
                     point.values = mixture.forget().ok_or(error)?;
                     continue;
                 }
             };
-            if number == 0 {
-                mixture.held = self.accumulators(start, &begin, &end, steps);
+            if REVIEWS.contains(&number) {
+                let growth = |i: usize| (end[i] - begin.values[i]).abs();
+                let moves = |i: &usize| self.alone(*i) && growth(*i) > 0.0 && growth(*i).is_finite();
+                let candidates = (0..end.len()).filter(moves).collect();
+                mixture.hold(self.accumulators(start, &begin, &end, candidates, steps));
             }
-            let period = self.over_period(&point.values, end, &mixture.held);
+            let period = self.over_period(&point.values, end.clone(), (&mixture.held, &first));
             open = period.change.iter().position(|change| change.abs() > SETTLED || change.is_nan());
             if open.is_none() {
-                return Ok(point);
+                let held: Vec<usize> = (0..end.len()).filter(|&i| mixture.held[i]).collect();
+                let still = self.accumulators(start, &begin, &end, held, steps);
+                if still == mixture.held {
+                    return Ok(point);
+                }
+                mixture.hold(still);
+                point.values = end;
+                continue;
             }
             let next = mixture.next(&point.values, period);
             point.values = self.within_bounds(next, mixture.last_end());
@@ -95,14 +111,9 @@ impl Environment {
 
     /// Marks what only accumulates, as a meter does: other values of it change nothing else, and it
     /// grows as before. It keeps its value at the start.
-    fn accumulators(&mut self, start: &Snapshot, begin: &Point, end: &[f64], steps: u32) -> Vec<bool> {
-        let (n, states) = (begin.values.len(), self.setup.model().states());
-        let starts = &self.setup.model().pattern().column_pointers;
-        let alone = |i: usize| i >= states || starts[i + 1] - starts[i] <= 1;
-        let moves = |i: &usize| alone(*i) && begin.values[*i] != end[*i] && (end[*i] - begin.values[*i]).is_finite();
-        let all: Vec<usize> = (0..n).filter(moves).collect();
-        let mut held = vec![false; n];
-        let mut groups: Vec<Vec<usize>> = vec![all];
+    fn accumulators(&mut self, start: &Snapshot, begin: &Point, end: &[f64], candidates: Vec<usize>, steps: u32) -> Vec<bool> {
+        let mut held = vec![false; end.len()];
+        let mut groups = vec![candidates];
         while let Some(group) = groups.pop() {
             if group.is_empty() {
                 continue;
@@ -117,6 +128,12 @@ impl Environment {
         held
     }
 
+    /// Returns whether no equation but its own reads a state, or the number is a discrete variable.
+    fn alone(&self, i: usize) -> bool {
+        let columns = &self.setup.model().pattern().column_pointers;
+        i >= self.setup.model().states() || columns[i + 1] - columns[i] <= 1
+    }
+
     /// Returns whether all of a group accumulate.
     fn accumulate(&mut self, start: &Snapshot, begin: &Point, end: &[f64], group: &[usize], steps: u32) -> bool {
         let mut moved = begin.clone();
@@ -128,8 +145,8 @@ impl Environment {
         let from = moved.values.clone();
         let Ok(to) = self.period(start, &mut moved, steps) else { return false };
         (0..to.len()).all(|i| {
-            let shift = from[i] - begin.values[i];
-            to[i] == end[i] || (to[i] - end[i] - shift).abs() <= ALIKE * self.tolerance(i, to[i])
+            let shift = if from[i] == begin.values[i] { 0.0 } else { from[i] - begin.values[i] };
+            shift == 0.0 && to[i] == end[i] || (to[i] - end[i] - shift).abs() <= ALIKE * self.tolerance(i, to[i])
         })
     }
 
@@ -185,9 +202,10 @@ impl Environment {
         Some(self.setup.model().states() + self.setup.catalogue.discretes.find("phase_start")?.at)
     }
 
-    /// The change over a period in tolerances of the solver; `held` quantities go back.
-    fn over_period(&self, begin: &[f64], mut end: Vec<f64>, held: &[bool]) -> Period {
-        (0..end.len()).filter(|&i| held[i]).for_each(|i| end[i] = begin[i]);
+    /// The change over a period in tolerances of the solver; `held` quantities go back to their
+    /// first values.
+    fn over_period(&self, begin: &[f64], mut end: Vec<f64>, (held, first): (&[bool], &[f64])) -> Period {
+        (0..end.len()).filter(|&i| held[i]).for_each(|i| end[i] = first[i]);
         let change = begin.iter().zip(&end).enumerate().map(|(i, (a, b))| if a == b { 0.0 } else { (b - a) / self.tolerance(i, *a) });
         let change = change.collect();
         Period { end, change }
@@ -249,6 +267,14 @@ impl Mixture {
         self.ends.clear();
         self.changes.clear();
         self.last.take().map(|period| period.end)
+    }
+
+    /// Holds other quantities; the history is that of another map then.
+    fn hold(&mut self, held: Vec<bool>) {
+        if self.held != held {
+            self.held = held;
+            self.forget();
+        }
     }
 
     fn last_end(&self) -> &[f64] {

@@ -48,6 +48,23 @@ fn a_tank_that_is_filled_and_emptied_by_a_schedule_keeps_what_is_conserved() {
 }
 
 #[test]
+fn a_count_that_does_not_move_in_the_first_period_is_found_later() {
+    // The tank starts below its orbit: the first lot leaves in the second period.
+    let source = "time t : min\nstate V : L = 30 in 0..200\nstate T : K = 300 in 0..999\nstate lots = 2\nevent full when V >= 60 [L]\n\
+                  at full { reset V = V - 25 [L]; reset lots = lots + 1 }\neq d/dt V = 2.5 [L/min]\neq d/dt lots = 0\n\
+                  eq d/dt T = 2.5 [L/min]/V*(290 [K] - T) + 1 [K/min]\n\
+                  episode { step = 1 [min], max_steps = 20, cycle = 10 [min] }\nsolver { rtol = 1e-10 }\n";
+    let found = columns(&file("lots", "m.eq", source), &["V", "T", "lots"], CYCLIC);
+    // With m = V (T - 290 K) between two lots d/dt m = V; a lot takes 25 of 60 L and of m with it.
+    let m = |m0: f64| (m0 + 115.0) * 35.0 / 60.0 + 35.0 * 8.0 + 2.5 * 32.0;
+    let orbit = m(0.0) / (1.0 - (m(1.0) - m(0.0)));
+    near(found[0][0], 55.0, 1e-8);
+    near(found[1][0], 290.0 + orbit / 55.0, 1e-6);
+    assert_eq!([found[2][0], found[2][10], found[2][20]], [2.0, 3.0, 4.0]);
+    near(found[1][20], found[1][0], 1e-6);
+}
+
+#[test]
 fn an_integral_controller_starts_with_its_integral() {
     // A sampled integral controller that has to hold the mean of a disturbed level.
     let source = "time t : s\nstate x = 0 in -9..9\ndiscrete u = 0 in -9..9\nlet load : 1 = 2 + cos(2*pi*t/10 [s])\n\
