@@ -45,6 +45,7 @@ mod select;
 mod space;
 mod speculation;
 mod symbols;
+mod transport;
 
 use std::collections::HashMap;
 
@@ -94,6 +95,7 @@ pub fn elaborate(
     (imports, data): (&HashMap<String, usize>, &Data),
     options: &Options,
 ) -> Result<Elaborated, Faults> {
+    let files = &*transport::with_residence_times(files);
     let pass = Pass::over(files, (imports, data), options, 0);
     let (chosen, mut spent) = (pass.chosen, pass.work);
     let mut elaborated = pass.result?;

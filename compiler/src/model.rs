@@ -165,7 +165,7 @@ pub struct Delay {
     /// Number of elements.
     pub count: u32,
     /// Declared bounds of a dead time that changes within an episode; infinite for one that does
-    /// not.
+    /// not, and for residence times.
     pub bounds: (f64, f64),
     /// When the dead time changes.
     pub lag: Lag,

@@ -107,7 +107,7 @@ pub(crate) struct Past {
     /// are looked at, where they jump just behind it.
     jumped: Option<usize>,
     ahead: f64,
-    /// The shortest and the longest dead time.
+    /// The shortest and the longest dead time; infinite for residence times, of which all is kept.
     shortest: f64,
     longest: f64,
     values: Box<[f64]>,
@@ -287,7 +287,7 @@ impl Past {
             return Err(PastError::DeadTime { delay: named(element), value: self.kept.lags[element] });
         }
         self.measure();
-        let span = (at.t - self.longest, at.t);
+        let span = (at.t - self.reach(), at.t);
         let own = self.values.clone();
         let given = self.given.contains(&true);
         self.record_span(span, rtol, &mut |past, t, out| {
@@ -309,8 +309,14 @@ impl Past {
             }
         }
         self.shortest = self.kept.lags.iter().copied().fold(f64::INFINITY, f64::min);
+        let unlimited = self.changes.iter().zip(&self.most).any(|(changes, most)| *changes == Lag::Varying && most.is_infinite());
+        self.longest = if unlimited { f64::INFINITY } else { self.reach() };
+    }
+
+    /// The longest dead time that is known: the bounds of those that change, and the present ones.
+    fn reach(&self) -> f64 {
         let most = |(lag, most): (&f64, &f64)| if most.is_finite() { lag.max(*most) } else { *lag };
-        self.longest = self.kept.lags.iter().zip(&self.most).map(most).fold(0.0, f64::max);
+        self.kept.lags.iter().zip(&self.most).map(most).fold(0.0, f64::max)
     }
 
     /// Records values over a span of time as few polynomials as they need.

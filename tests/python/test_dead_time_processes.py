@@ -26,7 +26,7 @@ eq pipe.inlet.c[A] = c
 eq pipe.inlet.T = T
 state left : mol = 0 scale 1
 eq d/dt left = pipe.outlet.Q*pipe.outlet.c[A]
-observe pipe.outlet.c[A] in 0..9, pipe.outlet.T in 0..99, pipe.theta
+observe pipe.outlet.c[A] in 0..9, pipe.outlet.T in 0..99
 solver { rtol = 1e-9 }
 episode { step = 0.37 [h], max_steps = 60 }
 """
@@ -48,21 +48,18 @@ def test_a_pipe_gives_back_what_entered_one_volume_ago_and_keeps_the_mass(method
         volume = entered[k + 1] - 3
         instant = np.interp(volume, entered, times) if volume > 0 else volume / 2
         at = min(int(instant / step), steps - 1)
-        expected = (c[at], T[at]) if volume > 0 else (1, 20)
-        assert observed == pytest.approx([*expected, times[k + 1] - instant], abs=1e-5)
+        assert observed == pytest.approx((c[at], T[at]) if volume > 0 else (1, 20), abs=1e-5)
         mass = min(entered[k + 1], 3.0) + np.interp(max(volume, 0), entered, amount)
-        assert env.state[1] == pytest.approx(mass, rel=1e-6)
+        assert env.state[env.unwrapped.state_names.index("left")] == pytest.approx(mass, rel=1e-6)
 
 
-@pytest.mark.parametrize(("flow", "failure"), [(-1.0, "pipe.reversal"), (0.0, "pipe.residence")])
-def test_a_pipe_names_a_flow_that_turns_or_stops(flow, failure):
+@pytest.mark.parametrize("flow", [-1.0, 0.0])
+def test_a_pipe_names_a_flow_that_turns_or_stops(flow):
     env = smpl.Env(smpl.compile(source=LINE), normalize=False)
     env.reset(seed=0)
-    for _ in range(60):
-        _, _, ended, _, info = env.step(np.array([flow, 1.0, 20.0]))
-        if ended:
-            break
-    assert info["failure"].startswith(failure)
+    _, _, ended, _, info = env.step(np.array([flow, 1.0, 20.0]))
+    assert ended
+    assert info["failure"].startswith("pipe.transport_")
 
 
 def loop(gain: float, integral: float, theta: float, times: np.ndarray) -> np.ndarray:

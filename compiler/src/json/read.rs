@@ -271,7 +271,7 @@ fn delay(at: &At<'_>) -> Result<Delay, ReadError> {
     at.only(&["name", "count", "changes", "bounds", "before"])?;
     let lag: Lag = at.field("changes")?.word()?;
     let bounds = at.field("bounds")?;
-    let bounds = if lag == Lag::Constant {
+    let bounds = if lag == Lag::Constant || bounds.is_null() {
         (f64::INFINITY, f64::INFINITY)
     } else {
         match bounds.list(|at| at.number_or(f64::NAN))?[..] {

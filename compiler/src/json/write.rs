@@ -95,7 +95,7 @@ fn reduction(r: &Reduction) -> Value {
 }
 
 fn delay(delay: &Delay) -> Value {
-    let bounds = (delay.lag != Lag::Constant).then_some(delay.bounds);
+    let bounds = (delay.lag != Lag::Constant && delay.bounds.1.is_finite()).then_some(delay.bounds);
     json!({"name": delay.name, "count": delay.count, "changes": delay.lag.word(), "bounds": bounds, "before": delay.before})
 }
 

@@ -61,6 +61,8 @@ pub struct Ida {
     /// The system reads its past; and the longest step in the present interval.
     has_past: bool,
     longest_step: f64,
+    /// The longest step by what time moves.
+    course_step: f64,
 }
 
 /// Properties of the system that need no evaluation.
@@ -310,6 +312,9 @@ impl Ida {
                 return Ok(value);
             }
             self.record((begin, self.time))?;
+            if self.has_past {
+                self.lengthen_steps()?;
+            }
             if let Some(quadratures) = &mut self.quadratures {
                 quadratures.next_step(begin);
             }

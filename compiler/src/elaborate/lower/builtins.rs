@@ -50,6 +50,8 @@ pub(in crate::elaborate) enum Call {
     Quadrature,
     /// `delay(e, theta)`, `delay(e, theta, before = e0)`
     Delay,
+    /// `transport(c, v, L)`
+    Transport,
     /// `kelvin(T)`
     Kelvin,
     /// `celsius(T)`
@@ -213,6 +215,12 @@ pub const BUILTINS: &[Builtin] = &[
         "delay(e, theta)`, `delay(e, theta, before = e0)",
         Call::Delay,
         "value of `e` a dead time `theta` ago, see [Dead time](dead-time.md); before the start the value at the start, or `e0`",
+    ),
+    any_call(
+        "transport",
+        "transport(c, v, L)",
+        Call::Transport,
+        "value of `c` where a plug flow of velocity `v` entered a length `L` ago, see [Dead time](dead-time.md#plug-flow)",
     ),
     call("der", "der(x)", 1, Call::Derivative, "time derivative, on a right side too"),
     call("kelvin", "kelvin(T)", 1, Call::Kelvin, TEMPERATURE),

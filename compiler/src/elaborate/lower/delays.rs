@@ -31,13 +31,56 @@ pub(in crate::elaborate) fn delay(l: &mut Lowering<'_, '_>, span: Span, argument
             return l.fault(fault.help("write `delay(e, theta)` or `delay(e, theta, before = e0)`"));
         }
     };
+    delayed(l, span, (argument, lag, start), Bounds::Declared, place)
+}
+
+/// `transport(c, v, L)` with its residence time: the value of c that time ago.
+pub(in crate::elaborate) fn transport(l: &mut Lowering<'_, '_>, span: Span, arguments: &[Expr], place: &Place) -> Value {
+    let fault = match arguments {
+        [value, _, _, lag] => return delayed(l, span, (value, lag, None), Bounds::Known, place),
+        [_, _, _] => Diagnostic::error(codes::MISPLACED_FUNCTION, "`transport` outside of an equation or a `let`", span)
+            .help("name its value, `let c_out = transport(c, v, L)`"),
+        _ => Diagnostic::error(codes::WRONG_ARGUMENTS, format!("`transport` takes 3 arguments, not {}", arguments.len()), span)
+            .help("write `transport(c, v, L)`: a value, the velocity, and the length"),
+    };
+    l.fault(fault)
+}
+
+/// The time minus that a residence time ago: this is the residence time, or zero at rest.
+pub(in crate::elaborate) fn elapsed(l: &mut Lowering<'_, '_>, span: Span, arguments: &[Expr], place: &Place) -> Value {
+    let [lag] = arguments else { return l.poison() };
+    let Some((theta, about)) = dead_time(l, (lag, lag), span, Bounds::Known, place) else { return l.poison() };
+    let time = l.exprs.time();
+    match signal(l, (time, theta, Some(time)), Delay { before: true, ..about }, place) {
+        Some(earlier) => Value::of(l.exprs.sub(time, earlier), l.symbols.time_unit.clone()),
+        None => l.poison(),
+    }
+}
+
+/// Source of the bounds of a dead time.
+#[derive(Clone, Copy, PartialEq)]
+enum Bounds {
+    /// The declarations.
+    Declared,
+    /// It is a residence time: above zero, and increasing more slowly than time.
+    Known,
+}
+
+/// The value of an expression a dead time ago.
+fn delayed(
+    l: &mut Lowering<'_, '_>,
+    span: Span,
+    (argument, lag, start): (&Expr, &Expr, Option<&Expr>),
+    bounds: Bounds,
+    place: &Place,
+) -> Value {
     if !matches!(place.site, Site::Dynamics | Site::Instant) || l.hidden.draws.site.is_some() {
         let fault = Diagnostic::error(codes::MISPLACED_FUNCTION, "`delay` in a value that is drawn or set at the start", span);
         return l.fault(fault.help("delay values in equations, updates, conditions, rewards and observations"));
     }
     let mut value = l.value(argument, place);
     let before = start.map(|start| (l.value(start, place), start.span));
-    let Some((theta, about)) = dead_time(l, (argument, lag), span, place) else { return l.poison() };
+    let Some((theta, about)) = dead_time(l, (argument, lag), span, bounds, place) else { return l.poison() };
     if value.is_poison() || before.as_ref().is_some_and(|(before, _)| before.is_poison()) {
         return l.poison();
     }
@@ -63,7 +106,13 @@ pub(in crate::elaborate) fn delay(l: &mut Lowering<'_, '_>, span: Span, argument
 }
 
 /// The dead time in the model's unit of time, and what is known of it.
-fn dead_time(l: &mut Lowering<'_, '_>, (argument, lag): (&Expr, &Expr), span: Span, place: &Place) -> Option<(ExprId, Delay)> {
+fn dead_time(
+    l: &mut Lowering<'_, '_>,
+    (argument, lag): (&Expr, &Expr),
+    span: Span,
+    known: Bounds,
+    place: &Place,
+) -> Option<(ExprId, Delay)> {
     let given = l.value(lag, place);
     if given.is_poison() {
         return None;
@@ -84,8 +133,8 @@ fn dead_time(l: &mut Lowering<'_, '_>, (argument, lag): (&Expr, &Expr), span: Sp
     }
     let lag_changes = when(l, theta);
     let mut bounds = (f64::INFINITY, f64::INFINITY);
-    if lag_changes != Lag::Constant {
-        let (low, high) = range(l, theta).unwrap_or((f64::NAN, f64::NAN));
+    if lag_changes != Lag::Constant && known == Bounds::Declared {
+        let (low, high) = range(l, theta);
         if !(low > 0.0 && high.is_finite() && low <= high) {
             let message = format!("the dead time of `{name}` changes within an episode and has no bounds above zero");
             let fault = Diagnostic::error(codes::WRONG_ARGUMENTS, message, lag.span);
@@ -142,30 +191,39 @@ fn when(l: &Lowering<'_, '_>, e: ExprId) -> Lag {
     if reads(l, e, held) { Lag::Held } else { Lag::Constant }
 }
 
-/// The numbers between which an expression lies by the declared bounds of what it reads; `None`
-/// where these do not say.
-fn range(l: &Lowering<'_, '_>, e: ExprId) -> Option<(f64, f64)> {
-    let hull = |ends: [f64; 4]| (ends.into_iter().fold(f64::INFINITY, f64::min), ends.into_iter().fold(f64::NEG_INFINITY, f64::max));
+/// The numbers between which an expression lies by the declared bounds of what it reads.
+fn range(l: &Lowering<'_, '_>, e: ExprId) -> (f64, f64) {
+    let all = (f64::NEG_INFINITY, f64::INFINITY);
+    let hull = |ends: [f64; 4]| match ends.iter().any(|end| end.is_nan()) {
+        true => all,
+        false => (ends.into_iter().fold(f64::INFINITY, f64::min), ends.into_iter().fold(f64::NEG_INFINITY, f64::max)),
+    };
     match l.exprs.node(e) {
-        Node::Const(bits) => Some((f64::from_bits(bits), f64::from_bits(bits))),
-        Node::Load { var, .. } => {
-            let q = l.quantities.get(&var)?;
-            Some((q.low.iter().copied().fold(f64::INFINITY, f64::min), q.high.iter().copied().fold(f64::NEG_INFINITY, f64::max)))
+        Node::Const(bits) => (f64::from_bits(bits), f64::from_bits(bits)),
+        Node::Load { var, flavour: Flavour::Value, .. } => l.quantities.get(&var).map_or(all, |q| {
+            (q.low.iter().copied().fold(f64::INFINITY, f64::min), q.high.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        }),
+        Node::Select(_, a, b) => {
+            let ((a, b), (c, d)) = (range(l, a), range(l, b));
+            (a.min(c), b.max(d))
         }
-        Node::Unary(UnaryFn::Neg, a) => range(l, a).map(|(low, high)| (-high, -low)),
+        Node::Unary(UnaryFn::Neg, a) => {
+            let (low, high) = range(l, a);
+            (-high, -low)
+        }
         Node::Binary(f, a, b) => {
-            let ((a, b), (c, d)) = (range(l, a)?, range(l, b)?);
+            let ((a, b), (c, d)) = (range(l, a), range(l, b));
             match f {
-                BinaryFn::Add => Some((a + c, b + d)),
-                BinaryFn::Sub => Some((a - d, b - c)),
-                BinaryFn::Mul => Some(hull([a * c, a * d, b * c, b * d])),
-                BinaryFn::Div if c > 0.0 || d < 0.0 => Some(hull([a / c, a / d, b / c, b / d])),
-                BinaryFn::Min => Some((a.min(c), b.min(d))),
-                BinaryFn::Max => Some((a.max(c), b.max(d))),
-                _ => None,
+                BinaryFn::Add => (a + c, b + d),
+                BinaryFn::Sub => (a - d, b - c),
+                BinaryFn::Mul => hull([a * c, a * d, b * c, b * d]),
+                BinaryFn::Div if c > 0.0 || d < 0.0 => hull([a / c, a / d, b / c, b / d]),
+                BinaryFn::Min => (a.min(c), b.min(d)),
+                BinaryFn::Max => (a.max(c), b.max(d)),
+                _ => all,
             }
         }
-        _ => None,
+        _ => all,
     }
 }
 

@@ -13,6 +13,7 @@ use crate::elaborate::lower::values::Values;
 use crate::elaborate::lower::{Lowering, boxes, definitions, delays, interpolation, membership, operators, random_and_tables, units};
 use crate::elaborate::space::{field, flux, grid};
 use crate::elaborate::symbols::SymbolKind;
+use crate::elaborate::transport;
 use crate::ir::{Affine, BinaryFn, Expr as Node, Flavour, UnaryFn, Unframed};
 
 /// `f(a, b)`
@@ -31,6 +32,9 @@ pub(in crate::elaborate) fn call(l: &mut Lowering<'_, '_>, span: Span, function:
             Some(e) => l.value(e, place),
             None => l.poison(),
         };
+    }
+    if function.text == transport::ELAPSED {
+        return delays::elapsed(l, span, arguments, place);
     }
     if function.text == membership::IN {
         return membership::membership(l, arguments, place);
@@ -63,6 +67,7 @@ fn built_in(l: &mut Lowering<'_, '_>, span: Span, (name, call): (&str, Call), ar
         (Call::Frame(flavour), [a]) => flavoured(l, span, name, flavour, a, place),
         (Call::Quadrature, [a]) => quadrature(l, span, a, place),
         (Call::Delay, _) => delays::delay(l, span, arguments, place),
+        (Call::Transport, _) => delays::transport(l, span, arguments, place),
         (Call::Kelvin, [a]) => kelvin(l, a, place),
         (Call::Celsius, [a]) => celsius(l, a, place),
         (Call::Value, [a]) => plain_value(l, a, None, place),

@@ -50,6 +50,7 @@ impl Ida {
             past: Past::none(),
             has_past: system.has_past(),
             longest_step: f64::INFINITY,
+            course_step: f64::INFINITY,
         };
         ida.configure(system)?;
         Ok(ida)
