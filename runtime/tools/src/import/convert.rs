@@ -1,13 +1,15 @@
 //! From an SBML model to the text of a model of the language.
 
+use std::cell::{Cell, RefCell};
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use super::document::{Event, Kind, Rule, Sbml, Symbol, Target};
 use super::initial::First;
-use super::math::Math;
+use super::math::{DELAY, Math};
 use super::names::Names;
 use super::roles::{self, Role, Roles};
+use super::tickets::Tickets;
 use super::units::{self, Product};
 use super::writer::{Writer, shown};
 use super::xml::Fault;
@@ -31,74 +33,20 @@ pub(super) struct Conversion<'s> {
     time: String,
     pub(super) bare: bool,
     /// Steps of following symbols to their starts, which have a limit.
-    pub(super) steps: std::cell::Cell<u32>,
+    pub(super) steps: Cell<u32>,
     /// Symbols that events set.
     pub(super) targets: HashSet<String>,
     /// The events at the start of a run.
     pub(super) first: First,
+    /// The random order of events with one priority.
+    pub(super) tickets: Tickets,
+    /// Dead times that change.
+    pub(super) lags: RefCell<Vec<Math>>,
     out: String,
 }
 
 pub(super) fn at(at: usize, message: impl Into<String>) -> Fault {
     Fault { at, message: message.into() }
-}
-
-/// Puts the function definitions in, and checks that all symbols are known.
-pub(super) fn prepare(sbml: &mut Sbml) -> Result<(), Fault> {
-    let functions = std::mem::take(&mut sbml.functions);
-    let known: HashSet<String> = sbml.symbols.iter().map(|s| s.id.clone()).chain(sbml.reactions.iter().map(|r| r.id.clone())).collect();
-    let put = |place: usize, math: &mut Math| -> Result<(), Fault> {
-        *math = math.put_in(&functions).map_err(|why| at(place, why))?;
-        match math.names().into_iter().find(|name| !known.contains(name)) {
-            Some(name) => Err(at(place, format!("unknown symbol `{name}`"))),
-            None => Ok(()),
-        }
-    };
-    for rule in &mut sbml.rules {
-        put(rule.at, &mut rule.math)?;
-    }
-    for reaction in &mut sbml.reactions {
-        put(reaction.at, &mut reaction.rate)?;
-        for part in &mut reaction.parts {
-            put(part.at, &mut part.number)?;
-        }
-    }
-    for event in &mut sbml.events {
-        put(event.at, &mut event.trigger)?;
-        for math in event.delay.iter_mut().chain(&mut event.priority) {
-            put(event.at, math)?;
-        }
-        for (place, _, math) in &mut event.assignments {
-            put(*place, math)?;
-        }
-    }
-    for (place, math) in &mut sbml.constraints {
-        put(*place, math)?;
-    }
-    let places: std::collections::HashMap<String, usize> = sbml.symbols.iter().map(|s| (s.id.clone(), s.at)).collect();
-    for (id, math) in &mut sbml.initial {
-        let place = places.get(id).copied().ok_or_else(|| at(0, format!("an initial assignment to the unknown symbol `{id}`")))?;
-        put(place, math)?;
-    }
-    check_past(sbml)
-}
-
-/// Refuses delays whose values before the start, or whose effect at the start, are not worked out.
-fn check_past(sbml: &Sbml) -> Result<(), Fault> {
-    let in_trigger = sbml.events.iter().find(|event| event.trigger.has_delay());
-    if let Some(event) = in_trigger {
-        return Err(at(event.at, "`delay` in a trigger has no counterpart".to_owned()));
-    }
-    let rules = sbml.rules.iter().map(|rule| &rule.math).chain(sbml.reactions.iter().map(|reaction| &reaction.rate));
-    let delays = rules.chain(sbml.events.iter().flat_map(|event| event.assignments.iter().map(|(.., math)| math))).any(Math::has_delay);
-    let moving = sbml.symbols.iter().find(|symbol| sbml.initial.get(&symbol.id).is_some_and(Math::is_timed));
-    match moving.filter(|_| delays) {
-        Some(symbol) => {
-            let why = format!("a delay next to the initial assignment of `{}`, which reads the time, has no counterpart", symbol.id);
-            Err(at(symbol.at, why))
-        }
-        None => Ok(()),
-    }
 }
 
 /// The text of the model.
@@ -118,9 +66,11 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
         names,
         time,
         bare: head.bare.is_some(),
-        steps: std::cell::Cell::new(0),
+        steps: Cell::new(0),
         targets,
         first: First::default(),
+        tickets: Tickets::default(),
+        lags: RefCell::default(),
         out: String::new(),
     };
     c.head(head);
@@ -131,6 +81,7 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
     c.rates()?;
     c.events()?;
     c.constraints()?;
+    c.bounds_of_lags()?;
     c.out.push_str("\n# SBML says nothing of how long: choose.\nepisode { step = 1, max_steps = 100 }\n");
     Ok(c.out)
 }
@@ -313,6 +264,7 @@ impl Conversion<'_> {
                 Some(Role::State) if rate(id).is_some() => Ok(rate(id).cloned().unwrap_or(part)),
                 _ => Err(format!("`rateOf` of `{id}`, which is not a state")),
             },
+            Math::Apply(DELAY, _) => Ok(self.bounded_delay(part)),
             _ => Ok(part),
         });
         changed.map_err(|why| at(place, why))

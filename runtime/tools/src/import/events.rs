@@ -18,6 +18,7 @@ impl Conversion<'_> {
         let rivals = order::rivals(self);
         let plans: Vec<Option<Plan>> = (0..rivals.len()).map(|number| self.plan(number, rivals[number].clone())).collect();
         let settling = self.settling(&plans);
+        self.declare_tickets(&rivals);
         for (number, event) in self.sbml.events.iter().enumerate() {
             match &plans[number] {
                 Some(plan) => self.staged(event, plan, &plans, &settling)?,

@@ -12,6 +12,7 @@ use super::convert::{Conversion, at};
 use super::document::{Event, Kind};
 use super::initial::{Delayed, First};
 use super::math::Math;
+use super::order::{self, Rival};
 use super::xml::Fault;
 
 /// Runs of events at the start that are followed.
@@ -77,22 +78,31 @@ impl Conversion<'_> {
         math.value(&mut |id| self.start_value(id, 0)).filter(|x| !x.is_nan())
     }
 
-    /// The waiting event of the highest priority, the first one of several.
+    /// The waiting event of the highest priority, the first one of several that do not affect one
+    /// another.
     fn most_urgent(&self, waiting: &[Waiting], now: &Values) -> Result<Option<usize>, Fault> {
-        let mut best: Option<(usize, f64)> = None;
+        let events = &self.sbml.events;
+        let (mut best, mut ranks): (Option<(usize, f64)>, Vec<(usize, f64)>) = (None, vec![]);
         for (place, entry) in waiting.iter().enumerate() {
-            let event = &self.sbml.events[entry.event];
+            let event = &events[entry.event];
             let priority = match &event.priority {
                 Some(math) => self.number_at_the_start(&self.after(event.at, math, now)?),
                 None => Some(f64::NEG_INFINITY),
             };
             let priority = priority.ok_or_else(|| at(event.at, "a priority that is not known"))?;
+            ranks.push((entry.event, priority));
             let number = |place: usize| waiting[place].event;
             if best.is_none_or(|(b, least)| priority > least || priority == least && number(place) < number(b)) {
                 best = Some((place, priority));
             }
         }
-        Ok(best.map(|(place, _)| place))
+        let Some((place, priority)) = best else { return Ok(None) };
+        let chosen = waiting[place].event;
+        let tie = |rival: &Rival| rival.direct && priority.is_finite() && ranks.contains(&(rival.number, priority));
+        if let Some(rival) = order::rivals(self)[chosen].iter().find(|rival| tie(rival)) {
+            return Err(at(events[rival.number].at, "a random order at the start"));
+        }
+        Ok(Some(place))
     }
 
     /// The values that an event sets, as expressions at the start.

@@ -141,6 +141,7 @@ fn expression(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
         "pi" => Math::Constant("pi"),
         "exponentiale" => Math::Constant("e"),
         "infinity" => Math::Constant("inf"),
+        "notanumber" => Math::Number(f64::NAN, None),
         "semantics" => match children(node).next() {
             Some(inner) => expression(inner, depth + 1)?,
             None => return Err(fault(node, "`semantics` without an expression")),
@@ -265,7 +266,10 @@ fn piecewise(node: Node<'_, '_>, depth: usize) -> Result<Math, Fault> {
             _ => return Err(fault(part, "`piecewise` holds pieces of a value and a condition, and `otherwise` with a value")),
         }
     }
-    let otherwise = otherwise.ok_or_else(|| fault(node, "`piecewise` without `otherwise` has no value where no condition holds"))?;
+    if otherwise.is_none() && pieces.iter().any(|(value, _)| value.is_condition()) {
+        return Err(fault(node, "a truth value by `piecewise` without `otherwise` is unknown where no condition holds"));
+    }
+    let otherwise = otherwise.unwrap_or(Math::Number(f64::NAN, None));
     Ok(Math::Piecewise(pieces, Box::new(otherwise)))
 }
 
@@ -435,6 +439,7 @@ impl Math {
                 _ => 0.0,
             },
             Math::RateOf(_) | Math::Call(..) => return None,
+            Math::Apply(DELAY, _) => self.past(&Math::Number(0.0, None)).value(value_of)?,
             Math::Piecewise(pieces, otherwise) => {
                 for (value, condition) in pieces {
                     if condition.value(value_of)? != 0.0 {
@@ -460,8 +465,6 @@ fn evaluate(f: &str, x: &[f64]) -> Option<f64> {
         ("-", [a]) => -a,
         ("-", [a, b]) => a - b,
         ("/", [a, b]) => a / b,
-        // Before the start everything is as at the start.
-        (DELAY, [a, _]) => *a,
         ("^", [a, b]) => a.powf(*b),
         ("sqrt", [a]) => a.sqrt(),
         ("exp", [a]) => a.exp(),

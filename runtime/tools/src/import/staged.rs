@@ -130,7 +130,7 @@ impl Conversion<'_> {
             self.line(&format!("event {} when {condition}{note}", slot.name));
             let flag = settling.first().filter(|_| ordered);
             let ends = slot.due.iter().map(|due| format!("next {due} = 0"));
-            let ends = ends.chain(flag.map(|flag| format!("next {flag} = 1"))).collect();
+            let ends = ends.chain(flag.map(|flag| format!("next {flag} = 1"))).chain(self.advance_tickets(plan.number)).collect();
             match settling.last() {
                 Some(last) if late && mixed && ordered => self.in_two_rounds(event, slot, &aside[k], last, ends)?,
                 _ => {
@@ -309,19 +309,20 @@ impl Conversion<'_> {
             (None, Some(_)) => return Ok(Before::Never),
             (Some(a), Some(b)) => (a, b),
         };
+        let ticket = self.has_larger_ticket(rival.number, own);
         if let (Some(a), Some(b)) = (a.constant(), b.constant()) {
-            if a == b && !earlier && rival.direct {
-                let message = format!(
-                    "the events `{}` and `{}` have one priority and may act on one another at one instant: SBML chooses at random",
-                    first.id, second.id
-                );
-                return Err(at(first.at, message));
-            }
-            return Ok(if a > b || a == b && earlier { Before::Always } else { Before::Never });
+            return Ok(match ticket.filter(|_| a == b) {
+                Some(larger) => Before::When(larger),
+                None if a > b || a == b && earlier => Before::Always,
+                None => Before::Never,
+            });
         }
         let text = |event: &Event, math: &Math| self.factor(event.at, &self.checked(event.at, math)?);
-        let sign = if earlier { ">=" } else { ">" };
-        Ok(Before::When(format!("({}) {sign} ({})", text(first, a)?, text(second, b)?)))
+        let (a, b) = (text(first, a)?, text(second, b)?);
+        Ok(Before::When(match ticket {
+            Some(larger) => format!("({a}) > ({b}) or ({a}) >= ({b}) and {larger}"),
+            None => format!("({a}) {} ({b})", if earlier { ">=" } else { ">" }),
+        }))
     }
 
     /// The execution. Amounts come first: they are made with the sizes before the event.

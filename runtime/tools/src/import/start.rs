@@ -101,7 +101,7 @@ impl Conversion<'_> {
         }
         let moves = |id: &str| self.roles.of(id) == Some(Role::Discrete) || self.first.before && self.targets.contains(id);
         let late = |id: &str| self.read_by(&Math::Name(id.to_owned())).iter().any(|id| moves(id.as_str()));
-        let changed = math.map(&mut |part| {
+        let changed = math.past(&Math::Number(0.0, None)).map(&mut |part| {
             let id = match &part {
                 Math::Time => return Ok(Math::Number(0.0, None)),
                 Math::RateOf(id) => {

@@ -32,7 +32,9 @@ pub(super) struct Writer<'a> {
 /// A number as the language writes it.
 pub(super) fn shown(x: f64) -> String {
     let size = x.abs();
-    if x == 0.0 {
+    if x.is_nan() {
+        "(inf - inf)".into()
+    } else if x == 0.0 {
         "0".into()
     } else if (1e-4..1e7).contains(&size) {
         format!("{x}")
@@ -119,10 +121,8 @@ impl Writer<'_> {
                 Ok((format!("not ({}) or ({})", self.condition(a, Level::If)?, self.condition(b, Level::If)?), Level::Or))
             }
             ("==" | "!=" | ">" | "<" | ">=" | "<=", _) => self.comparisons(f, arguments),
-            (DELAY, [x, lag]) => {
-                // Before the start species and parameters keep their first values; time goes on.
-                let still = x.map(&mut |part| Ok(if matches!(part, Math::RateOf(_)) { Math::Number(0.0, None) } else { part }))?;
-                Ok((format!("delay({}, {}, before = {})", self.text(x)?, self.text(lag)?, self.text(&still)?), Level::Atom))
+            (DELAY, [x, lag, before]) => {
+                Ok((format!("delay({}, {}, before = {})", self.text(x)?, self.text(lag)?, self.text(before)?), Level::Atom))
             }
             ("sec", _) => of(format!("1/cos({})", one()?)),
             ("csc", _) => of(format!("1/sin({})", one()?)),
