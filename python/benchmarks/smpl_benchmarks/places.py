@@ -166,7 +166,7 @@ def references(one: Comparison) -> str:
 
 
 def aggregated(every: Sequence[Comparison]) -> str:
-    """Interquartile means, performance profiles, probabilities of improvement of all processes."""
+    """Interquartile means, performance profiles, probabilities of improvement, all processes."""
     found = aggregate(every)
     # The rival is not a row of all processes if nothing is compared with it.
     rival = ["P(better than `constant`)"] if any(row["improvement"] is not None for row in found) else []

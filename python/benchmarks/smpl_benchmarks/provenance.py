@@ -41,7 +41,7 @@ def _check(env: str, before: Mapping[Key, Mapping[str, Any]], now: Mapping[Key, 
 
 
 def tuning() -> str:
-    """Searches of hyperparameters in the configuration, with scores before and after."""
+    """Adopted searches of hyperparameters, with the score before and after."""
     if importlib.util.find_spec("yaml") is None:
         return ""
     head = ["process", "row", "trials", "steps", "reward of a step, before", "after", "command"]

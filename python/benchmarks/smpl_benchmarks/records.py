@@ -84,7 +84,7 @@ def place(run: Run, records: Path) -> Path:
 
 
 def earlier(path: Path) -> Mapping[Key, Mapping[str, Any]]:
-    """First records of controls in a file that were run again with another text of the model."""
+    """First records of the controls that were run again with another text of the model."""
     return kept(_earlier(path))
 
 
