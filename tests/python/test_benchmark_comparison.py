@@ -273,6 +273,8 @@ def test_the_page_has_the_budget_that_a_search_had(monkeypatch):
     monkeypatch.setattr(controls, "tuned", lambda: {"Tank": {"pi": {"point": [1.0], "budget": "cma, 5 x 2 episodes"}}})
     text = places(FOUND)["controls"]
     assert "| cma, 5 x 2 episodes; not run |" in text
+    named = "Controls that were not run: constant, open_loop, pi, lqr, sampling."
+    assert named in places(FOUND)["claim Tank"]
     assert f"| {controls.CONTROLS['Reactor']['constant'].budget}; not run |" in text
 
 

@@ -213,9 +213,9 @@ CONTROLS: dict[str, dict[str, Control]] = {
             "recipe with a constant shift, within the reach of the learners, by search",
             _formulated(_PENSIM),
             **_box(("Fs", "Foil", "Fg", "pressure")),
-            start=(0.8,) * 4,
-            starts=1,
-            evaluations=16,
+            start=(1.0,) * 4,
+            starts=5,
+            evaluations=24,
         ),
         "open_loop": Control(
             _OPEN + ": the 56 values of the recipe within a tenth",

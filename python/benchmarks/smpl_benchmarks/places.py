@@ -107,6 +107,9 @@ def sentence(one: Comparison) -> str:
         more = f"Other learned rows above `{control}`, without correction for their number: {', '.join(others)}."
     if one.unvalidated:
         more += f"\nNot selected, without validation scores: {', '.join(one.unvalidated)}."
+    run = {row.controller for row in (*one.rows, *one.references)}
+    if missing := [name for name in CONTROLS.get(one.env, {}) if name not in run]:
+        more += f"\nControls that were not run: {', '.join(missing)}."
     return (
         f"Validation selects the control `{control}` and the learned policy `{learned}`.\n"
         f"On the {seeds} x {count} test episodes their returns differ by {found.difference:+.4g} per episode "
