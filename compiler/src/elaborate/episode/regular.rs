@@ -18,8 +18,8 @@ use crate::elaborate::lower::{Lowering, defaults};
 use crate::ir::{Affine, Builtin, Compare, ExprId, Flavour, LoopVar, Nest, Place as Memory, Program, Store, UnaryFn, VarId};
 use crate::model::Root;
 
-/// Distance at which two instants are one, in parts of the interval or of the step, whichever is
-/// shorter: an instant that was done is not found again in a later step.
+/// Distance at which two instants are one, in parts of the shorter of interval and step. An instant
+/// that was done is not found again in a later step.
 const TOGETHER: f64 = 1e-6;
 
 /// Most instants of one interval in a step.
