@@ -123,7 +123,7 @@ fn a_run_that_cannot_begin_is_counted_and_the_others_go_on() {
     let folder = folder("broken");
     let output = smpl(&folder, &["simulate", "decay.eq", "--sweep", "k=1,9", "--summary", "s.csv"]);
     assert!(output.status.success());
-    assert!(String::from_utf8_lossy(&output.stderr).contains("outside of its bounds 0.1..3"));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("is outside its bounds 0.1..3"));
     assert_eq!(column(&folder.join("s.csv"), "end"), ["time limit", "no run"]);
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Expr, ExprKind};
+use smpl_dsl::syntax::{Declaration, Expr, ExprKind};
 
 use crate::elaborate::lower::bounded::Bounded;
 use crate::elaborate::lower::loops::{Cell, Piece};
@@ -163,6 +163,12 @@ fn box_items(l: &mut Lowering<'_, '_>, symbol: SymbolId, elements: Range<i64>, s
 /// Reports a variable of a role that a statement does not assign.
 fn refuse_target(l: &mut Lowering<'_, '_>, symbol: SymbolId, var: VarId, span: Span, roles: &[Role]) {
     let (path, declared) = (l.symbols[symbol].path.clone(), l.symbols[symbol].span);
+    if let SymbolKind::Variable { declaration: Declaration { measured: Some(measured), .. }, .. } = &l.symbols[symbol].kind {
+        let message = format!("`{path}` follows `{}`, and cannot be set here", measured.path);
+        let help = format!("a scenario names other data: `disturbances: {{{path}: {{from: other.csv}}}}`");
+        l.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, span).secondary(declared, "declared here").help(help));
+        return;
+    }
     let what = match l.symbols.vars[var].role {
         Role::Param => "a parameter",
         Role::Action => "an action",
