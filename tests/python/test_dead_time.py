@@ -483,7 +483,7 @@ def test_the_smith_predictor_of_the_book_follows_its_closed_form():
         ("delay(y > 1, 1 [s])", "`delay` of a condition"),
         ("delay(y)", "`delay` takes an expression and a dead time"),
         ("delay(y, 1 [m])", "the dead time of `delay`"),
-        ("sin(y, before = 2)", "`before = ...` is the third argument of `delay`"),
+        ("sin(y, before = 2)", "`before = ...` is not an argument of this function"),
     ],
 )
 def test_what_has_no_past_is_refused_by_name(call, message):

@@ -43,8 +43,8 @@ def quoted(name: str, text: str) -> bool:
 def typeset(name: str) -> str:
     """A function of a name, as LaTeX."""
     head, *rest = name.split("_")
-    if not rest and len(name) > 1:
-        return rf"\operatorname{{{name}}}\left("
+    if not rest:
+        return rf"\operatorname{{{name}}}\left(" if len(name) > 1 else rf"{name}\left("
     head = head if len(head) == 1 else rf"\mathrm{{{head}}}"
     return head + "_{" + ",".join(rf"\mathrm{{{part}}}" for part in rest) + r"}\left("
 

@@ -34,3 +34,7 @@ class Linearization(tuple[FloatArray, ...]):
         made.state_names = state_names
         made.states = np.eye(len(state_names)) if states is None else states
         return made
+
+    def __getnewargs__(self) -> tuple[tuple[FloatArray, ...], tuple[str, ...], FloatArray]:
+        """Arguments of a copy, also by `pickle`."""
+        return tuple(self), self.state_names, self.states

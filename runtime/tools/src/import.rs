@@ -24,6 +24,7 @@ mod roles;
 mod staged;
 mod start;
 mod tickets;
+mod ties;
 mod trigger;
 mod units;
 mod writer;

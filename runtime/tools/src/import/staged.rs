@@ -130,7 +130,7 @@ impl Conversion<'_> {
             self.line(&format!("event {} when {condition}{note}", slot.name));
             let flag = settling.first().filter(|_| ordered);
             let ends = slot.due.iter().map(|due| format!("next {due} = 0"));
-            let ends = ends.chain(flag.map(|flag| format!("next {flag} = 1"))).chain(self.advance_tickets(plan.number)).collect();
+            let ends = ends.chain(flag.map(|flag| format!("next {flag} = 1"))).chain(self.tickets.advance(plan.number)).collect();
             match settling.last() {
                 Some(last) if late && mixed && ordered => self.in_two_rounds(event, slot, &aside[k], last, ends)?,
                 _ => {
@@ -309,7 +309,7 @@ impl Conversion<'_> {
             (None, Some(_)) => return Ok(Before::Never),
             (Some(a), Some(b)) => (a, b),
         };
-        let ticket = self.has_larger_ticket(rival.number, own);
+        let ticket = self.tickets.larger(rival.number, own);
         if let (Some(a), Some(b)) = (a.constant(), b.constant()) {
             return Ok(match ticket.filter(|_| a == b) {
                 Some(larger) => Before::When(larger),
