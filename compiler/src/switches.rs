@@ -337,7 +337,7 @@ impl Maker<'_> {
 }
 
 /// A number between 0.5 and 1.5 for a place in memory.
-fn somewhere(point: u32, var: VarId, flavour: Flavour, at: i64) -> f64 {
+pub(crate) fn somewhere(point: u32, var: VarId, flavour: Flavour, at: i64) -> f64 {
     let mixed = [u64::from(point), u64::from(var.as_u32()), flavour as u64, at as u64]
         .into_iter()
         .fold(0x9e37_79b9_7f4a_7c15_u64, |hash, part| (hash ^ part).wrapping_mul(0x2545_f491_4f6c_dd1d).rotate_left(29));

@@ -546,6 +546,66 @@ impl Constrained {
     }
 }
 
+/// Two states that exchange along an unknown rate: 2 a - b = 0.2 t for every rate.
+fn bound(declarations: &str, equation: &str) -> String {
+    format!("{declarations}\nstate a = 1\nstate b = 2\nvar w : 1/s\neq d/dt a = 0.1 [1/s] + w\neq d/dt b = w*2\n{equation}")
+}
+
+fn refusal(text: &str) -> String {
+    let text = format!("model M\ntime t : s\nepisode {{ step = 3 [s], max_steps = 1 }}\n{text}\n");
+    let loaded = load_text(Path::new("m.eq"), text.clone(), &LoadOptions::default());
+    loaded.err().map_or_else(|| panic!("accepted: {text}"), |error| format!("{error:?}"))
+}
+
+/// At a jump only the state that follows would move. With a + b from 3 to 5 that gave a = 1.2 and
+/// b = 3.8 after 3 s, but the balance 2 a - b = 0.6 demands a = 5.6/3.
+#[test]
+fn a_constraint_that_jumps_is_refused_with_the_place_of_the_jump() {
+    let long: Vec<String> = (0..40).map(|i| format!("{i}: {}", 3 + i % 2)).collect();
+    let cases = [
+        ("table h over time : s step { 0: 3, 2: 5 }", "eq a + b = h(t)", "`t` is 2 s"),
+        ("table h over time : s from { 0: 3, 2: 5 }", "eq a + b = h(t)", "`t` is 2 s"),
+        ("table h over time : s until { 2: 3, 4: 5 }", "eq a + b = h(t)", "`t` is 2 s"),
+        (&format!("table h over time : s step {{ {} }}", long.join(", ")), "eq a + b = h(t)", "`t` is 1 s"),
+        ("table h over time : s linear outside cyclic { 0: 3, 2: 5 }", "eq a + b = h(t)", "`t` is 2 s"),
+        ("", "eq a + b = 3 + floor(t/(1 [s]))", "`t` is 1 s"),
+        ("", "eq a + b = 3 + ceil(t/(1 [s]))", "`t` is 1 s"),
+        ("", "eq a + b = 3 + round(t/(1 [s]))", "`t` is 0.5 s"),
+        ("", "eq a + b = 3 + mod(t/(1 [s]), 2)", "`t` is 2 s"),
+        ("", "eq a + b = 3 + sign(t/(1 [s]) - 1)", "`t` is 1 s"),
+        ("", "eq a + b = 3 + sign(a - 1.5)", "`a` is 1.5"),
+        ("", "eq a + b = if t < 2 [s] then 3 else 5", "`t` is 2 s"),
+        ("", "eq a + b = if a > 1.05 then 3.5 else 3", "`a` is 1.05"),
+        ("param k = 3", "eq a + b = if 2*a > 2.5 then k*a else k", "`a` is 1.25"),
+        ("", "eq a + b = 3 + sum(floor(t/(1 [s]) + i) for i in 1..3)", "`t` is"),
+    ];
+    for (declarations, equation, place) in cases {
+        let found = refusal(&bound(declarations, equation));
+        for part in ["E0503", "this equation has to be differentiated, but it jumps", place] {
+            assert!(found.contains(part), "{declarations} {equation}: no {part} in {found}");
+        }
+    }
+}
+
+/// With a + b = s: a = (s + 0.2 t)/3, since 2 a - b = 0.2 t.
+#[test]
+fn a_constraint_with_kinks_only_is_accepted() {
+    let cases = [
+        ("table h over time : s linear { 0: 3, 1: 3, 2: 5 }", "eq a + b = h(t)", 5.0),
+        ("table h over time : s cubic { 0: 3, 1: 4, 2: 3, 3: 5 }", "eq a + b = h(t)", 5.0),
+        ("table h over time : s linear outside cyclic { 0: 3, 1: 5, 2: 3 }", "eq a + b = h(t)", 5.0),
+        ("", "eq a + b = max(3, 1 + t/(1 [s]))", 4.0),
+        ("", "eq a + b = 4 - abs(t/(1 [s]) - 1) + min(0, 2 - t/(1 [s]))", 1.0),
+        ("", "eq a + b = if t < 1 [s] then 3 else 2 + t/(1 [s])", 5.0),
+        ("param k = 2", "eq a + b = if k*t > k*1 [s] then 2 + t/(1 [s]) else 3", 5.0),
+        ("", "eq a + b = 4 + sign(t/(1 [s]) - 1)*abs(t/(1 [s]) - 1)", 6.0),
+    ];
+    for (declarations, equation, sum) in cases {
+        let a = (sum + 0.6) / 3.0;
+        ends_at(&bound(declarations, equation), 3.0, &[("a", a), ("b", sum - a)], 1e-7);
+    }
+}
+
 #[test]
 fn random_constrained_systems_follow_their_reduced_forms() {
     let mut numbers = Numbers(7);

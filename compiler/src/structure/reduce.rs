@@ -16,6 +16,7 @@ mod bounds;
 mod demote;
 mod finish;
 mod guard;
+mod jumps;
 mod pantelides;
 mod project;
 mod slopes;
@@ -25,18 +26,22 @@ mod system;
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 
 use super::algebraic::Plan;
-use super::common::programs;
+use super::common::{element_name, programs};
 use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
 use crate::ir::{FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
 use demote::{Outcome, Settled, settle};
+use jumps::Jump;
 use pantelides::{Refused, System};
 use slopes::{NoSlope, Slopes, replace_rates};
 use system::{Matching, Node, Pool, Wishes};
 
 /// Most equations that loops are unrolled to.
 const UNROLLED: i64 = 20_000;
+
+/// Label of an equation that cannot be differentiated.
+const BINDS: &str = "binds states: what jumps in it would make them jump";
 
 /// Nodes of a reduced system; beyond, the model is refused.
 const LARGEST: usize = 100_000;
@@ -214,12 +219,22 @@ fn differentiated(system: &System) -> Vec<Differentiated> {
 
 /// The fault of a system that was not reduced.
 fn explained(model: &Model, system: &System, refused: Refused) -> Option<Diagnostic> {
-    let Refused::NoSlope(node, NoSlope::Jumps(var)) = refused else { return None };
+    let Refused::NoSlope(node, why) = refused else { return None };
     // Without an unknown that lacks an equation, one equation is too many.
     if system.missing().is_empty() {
         return None;
     }
     let node = &system.nodes[node];
+    let often = if node.order == 0 { "this equation" } else { "the time derivative of this equation" };
+    match why {
+        NoSlope::Jumps(var) => Some(variable_jumps(model, node, often, var)),
+        NoSlope::Breaks(jump) => Some(value_jumps(model, node, often, jump)),
+        NoSlope::Form => None,
+    }
+}
+
+/// The fault of an equation that reads a variable which jumps.
+fn variable_jumps(model: &Model, node: &Node, often: &str, var: VarId) -> Diagnostic {
     let name = &model.vars[var].name;
     let what = match model.vars[var].role {
         Role::Action => "an action",
@@ -227,13 +242,23 @@ fn explained(model: &Model, system: &System, refused: Refused) -> Option<Diagnos
         Role::Delayed => "a delayed value",
         _ => "a discrete variable",
     };
-    let often = if node.order == 0 { "this equation" } else { "the time derivative of this equation" };
     let message = format!("{often} has to be differentiated, but `{name}` in it is {what}, which jumps");
-    let fault = Diagnostic::error(codes::HIGH_INDEX, message, node.span).label("binds states: what jumps in it would make them jump");
+    let fault = Diagnostic::error(codes::HIGH_INDEX, message, node.span).label(BINDS);
     let help = format!(
         "make a state of `{name}` that follows it, as in `eq d/dt {name}_s = ({name} - {name}_s)/tau`, or free a state of the equation"
     );
-    Some(fault.secondary(model.vars[var].span, "declared here").help(help))
+    fault.secondary(model.vars[var].span, "declared here").help(help)
+}
+
+/// The fault of an equation whose value jumps at a time, or where an unknown passes a threshold.
+fn value_jumps(model: &Model, node: &Node, often: &str, jump: Jump) -> Diagnostic {
+    let time = &model.interface.time;
+    let name = jump.of.map_or_else(|| time.name.clone(), |(var, element)| element_name(model, var, element));
+    let at = format!("{:.6e}", jump.at).parse().unwrap_or(jump.at);
+    let unit = if jump.of.is_none() && time.unit != "1" { format!(" {}", time.unit) } else { String::new() };
+    let message = format!("{often} has to be differentiated, but it jumps, for example where `{name}` is {at}{unit}");
+    let fault = Diagnostic::error(codes::HIGH_INDEX, message, node.span).label(BINDS);
+    fault.help("make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`, use a `linear` table, or free a state of the equation")
 }
 
 /// The fault of a state that is set at an instant although it follows from a constraint.

@@ -3,6 +3,7 @@
 
 use super::super::rates::shifted;
 use super::super::whole::placed;
+use super::jumps::{self, Jump};
 use super::system::{Node, Pool};
 use crate::differentiate;
 use crate::elaborate::{Equation, EquationForm};
@@ -32,8 +33,10 @@ pub(super) struct Slopes {
 /// Reasons for a node without a time derivative.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum NoSlope {
-    /// It reads what jumps.
+    /// It reads a variable that jumps.
     Jumps(VarId),
+    /// It has two values at a place.
+    Breaks(Jump),
     /// It is too deep, or contains what cannot be differentiated.
     Form,
 }
@@ -126,6 +129,9 @@ impl Slopes {
         let values = |_: VarId, flavour: Flavour| (flavour == Flavour::Value).then_some(differentiate::Column { first: 0, factor: None });
         // Each sum has another counter: addresses have one meaning.
         let residual = differentiate::normalise(&mut model.exprs, extents.len(), residual, &values).map_err(|_| NoSlope::Form)?;
+        if let Some(jump) = jumps::find(model, residual) {
+            return Err(NoSlope::Breaks(jump));
+        }
         for state in self.in_several_pieces(model, residual, &extents) {
             self.detach(model, nodes, pool, state);
         }
