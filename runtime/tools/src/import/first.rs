@@ -82,7 +82,8 @@ impl Conversion<'_> {
     /// another.
     fn most_urgent(&self, waiting: &[Waiting], now: &Values) -> Result<Option<usize>, Fault> {
         let events = &self.sbml.events;
-        let (mut best, mut ranks): (Option<(usize, f64)>, Vec<(usize, f64)>) = (None, vec![]);
+        let mut best: Option<(usize, f64)> = None;
+        let mut ranks: Vec<(usize, f64)> = vec![];
         for (place, entry) in waiting.iter().enumerate() {
             let event = &events[entry.event];
             let priority = match &event.priority {
