@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.signal import lsim
 
 import smpl
@@ -93,6 +94,71 @@ def test_every_element_of_a_loop_and_nested_delays_have_their_own_approximation(
     lag = 1 / (s + 1)
     expected = [np.exp(-s * theta) * lag for theta in (0.5, 1, 1.5)] + [np.exp(-s * (0.5 + 1 + 2)) * lag**2]
     assert found == pytest.approx(np.array(expected), abs=1e-5)
+
+
+SPECIES = """
+model Species
+time t : s
+set g = { A, N }
+domain z in 0..1 [m] cells 4
+state c[i in g, z] = 1
+state y = 1
+eq d/dt c[i, z] = -c[i, z]*1 [1/s] for i in g, z
+eq d/dt y = -delay(y, 2 [s])*1 [1/s]
+observe y in -9..9
+solver { rtol = 1e-10 }
+episode { step = 1 [s], max_steps = 30 }
+"""
+
+
+def delayed_decay(order: int) -> np.ndarray:
+    """Roots of s + N(s)/D(s) for y' = -y(t - 2) with an approximation N/D of exp(-2 s), by NumPy."""
+    above, below = polynomials(order, 2.0)
+    return np.roots(np.polyadd(np.polymul(below, [1.0, 0.0]), above))
+
+
+def by_size(values) -> np.ndarray:
+    return np.array(sorted(values, key=lambda value: (round(value.real, 6), value.imag)))
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_approximations_keep_their_states_next_to_a_state_over_a_set_and_cells(order):
+    names = [f"delayed_1_pade[{i + 1}]" if order > 1 else "delayed_1_pade" for i in range(order)]
+    model = smpl.compile(source=SPECIES, settings={"pade": order})
+    assert list(model.state_names) == [f"c[{i},{z}]" for z in (1, 2, 3, 4) for i in "AN"] + ["y", *names]
+    A, *_ = model.linearize([0.0] * (9 + order), [])
+    expected = [*delayed_decay(order), *[-1.0] * 8]
+    assert by_size(np.linalg.eigvals(A)) == pytest.approx(by_size(expected), abs=1e-7)
+    same, *_ = smpl.compile(source=SPECIES).linearize([0.0] * 9, [], pade=order)
+    assert same == pytest.approx(A, abs=1e-14)
+    for target in ("c", "jax"):
+        assert smpl.export.text(model, target)
+
+
+def test_a_delayed_state_over_a_set_and_cells_has_an_approximation_for_each_element():
+    source = SPECIES.replace("-delay(y, 2 [s])", "-y").replace("-c[i, z]", "-delay(c[i, z], 2 [s])")
+    model = smpl.compile(source=source, settings={"pade": 2})
+    assert len(model.state_names) == 9 + 16
+    assert len(set(model.state_names)) == 25
+    A, *_ = model.linearize([0.0] * 25, [])
+    expected = [*np.repeat(delayed_decay(2), 8), -1.0]
+    assert by_size(np.linalg.eigvals(A)) == pytest.approx(by_size(expected), abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "explicit", "auto"])
+def test_a_step_from_the_state_of_an_episode_continues_its_approximations(method):
+    model = smpl.compile(source=SPECIES, settings={"pade": 2})
+    env = smpl.Env(model, normalize=False, method=method)
+    env.reset(seed=0)
+    # d = z2 + y, z1' = -d + y, z2' = 3 (z1 - d - y), y' = -d: constants of order 2, dead time 2; at rest (2, 0).
+    matrix = np.array([[-1.0, 0.0, -1.0], [0.0, 0.0, -1.0], [-6.0, 3.0, -3.0]])
+    state = np.array([1.0, 2.0, 0.0])
+    for _ in range(5):
+        state = expm(matrix) @ state
+        stepped = model.step(env.state, [], method=method)
+        env.step([])
+        assert env.state[8:] == pytest.approx(state, abs=1e-6)
+        assert stepped == pytest.approx(env.state, abs=1e-6)
 
 
 def test_exports_take_a_padé_approximation_on_request():

@@ -152,6 +152,17 @@ pub struct Quantities {
     pub parameters: Vec<Quantity>,
 }
 
+impl Quantities {
+    /// Appends a state, to the declaration order as well.
+    pub fn push_state(&mut self, state: Quantity) {
+        let first: usize = self.states.iter().map(Quantity::len).sum();
+        if let Some(order) = &mut self.state_order {
+            order.extend((first as u32..).take(state.len()));
+        }
+        self.states.push(state);
+    }
+}
+
 /// Numbers of elements of algebraic variables.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AlgebraicCounts {

@@ -123,7 +123,7 @@ fn declare(model: &mut Model, section: &Section, order: u32) {
     let quantities = &mut model.interface.quantities;
     let first: usize = quantities.algebraics.iter().map(Quantity::len).sum();
     quantities.algebraics.push(delayed);
-    quantities.states.push(states);
+    quantities.push_state(states);
     let last = model.unknowns.iter().rposition(|var| model.vars[*var].role == Role::State).map_or(0, |at| at + 1);
     model.unknowns.insert(last, section.states);
     let target = Target::out(section.at.plus(Affine::constant(first as i64)));
