@@ -15,8 +15,8 @@ use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot, Expr, Flavour, Program, Role};
 use smpl_compiler::layout::{Memory, Region};
 use smpl_compiler::model::Lag;
 
-use self::marks::Marks;
-use self::record::{Record, TERMS, nodes};
+use self::marks::{Marks, are_near};
+use self::record::{ROUNDINGS, Record, TERMS, nodes};
 use crate::solver::Within;
 
 /// Numbers of one element.
@@ -81,6 +81,8 @@ pub(crate) struct Kept {
     record: Record,
     marks: Marks,
     lags: Vec<f64>,
+    /// The time at which the last integration began: breaks near it are behind.
+    began: f64,
 }
 
 /// The past of the delayed expressions of one instance.
@@ -137,7 +139,13 @@ impl Past {
         let each = || delays.iter().flat_map(|delay| std::iter::repeat_n(delay, delay.count as usize));
         let numbers = |n: usize| vec![0.0; n].into_boxed_slice();
         Some(Self {
-            kept: Kept { source: Source::Rest, record: Record::new(width), marks: Marks::default(), lags: vec![f64::NAN; width] },
+            kept: Kept {
+                source: Source::Rest,
+                record: Record::new(width),
+                marks: Marks::default(),
+                lags: vec![f64::NAN; width],
+                began: 0.0,
+            },
             changes: each().map(|delay| delay.lag).collect(),
             most: each().map(|delay| delay.bounds.1).collect(),
             given: each().map(|delay| delay.before).collect(),
@@ -211,13 +219,14 @@ impl Past {
             self.shortest = self.kept.lags.iter().copied().fold(f64::INFINITY, f64::min);
         }
         let Kept { record, lags, .. } = &self.kept;
+        let reach = self.reach_at(at.t);
         let slots = memory.region_mut(Region::Delayed);
         let mut spot = None;
         for (element, (slots, &lag)) in slots.chunks_exact_mut(SLOTS).zip(lags).enumerate() {
             let earlier = at.t - lag;
             let (_, found) = match spot {
                 Some((known, found)) if known == earlier => (known, found),
-                _ => (earlier, record.locate(earlier, at.t)),
+                _ => (earlier, record.locate(earlier, reach)),
             };
             spot = Some((earlier, found));
             let (mut value, slope) = record.at(&found, element);
@@ -230,6 +239,12 @@ impl Past {
             slots[DelaySlot::Slope as usize] = slope;
             slots[DelaySlot::At as usize] = earlier;
         }
+    }
+
+    /// The time by which an earlier time may miss a jump and still be behind it. Where an
+    /// integration begins it is as long as times are one: breaks there have been crossed.
+    fn reach_at(&self, now: f64) -> f64 {
+        if are_near(now, self.kept.began) { marks::near(now) } else { ROUNDINGS * now.abs() }
     }
 
     /// Fills the delayed values without a record; repeatedly, where they read each other or what
@@ -296,7 +311,7 @@ impl Past {
             }
             out.iter_mut().zip(&past.given).zip(&own).filter(|((_, given), _)| !**given).for_each(|((out, _), own)| *out = *own);
         });
-        self.kept.source = Source::Record;
+        (self.kept.source, self.kept.began) = (Source::Record, at.t);
         Ok(())
     }
 
@@ -355,6 +370,7 @@ impl Past {
             return;
         }
         self.crossed = self.coming.take();
+        self.kept.began = at.t;
         self.kept.record.cut(at.t);
         self.kept.record.forget_short(SLACK * self.shortest);
         if self.held {

@@ -571,3 +571,58 @@ def test_a_dead_time_is_fitted():
     episode = run_episode(env, OpenLoop(actions), 0, {"parameters": {"K": 2.0, "theta": 0.83}})
     found = smpl.fit(model, episode, ["K", "theta"])
     assert found.parameters == pytest.approx({"K": 2.0, "theta": 0.83}, rel=1e-4)
+
+
+SAMPLED = """
+model Sampled
+time t : s
+param theta : s = 1
+state x = 0
+discrete m = 0
+discrete k = -1
+let z = delay(m, theta)
+eq d/dt x = 1 [1/s]
+at every 1 [s] { next m = m + 1; next k = delay(m, theta) }
+observe k in -9..99
+observe z in -9..99
+"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("step", (0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 1.0, 2.5))
+def test_a_jump_read_one_dead_time_later_has_the_new_value_on_any_grid(step, method):
+    # m is floor(t) + 1 from each instant on, so that delay(m, theta) is floor(t - theta) + 1 there.
+    count = round(12 / step)
+    for theta in (1.0, 2.0, 3.0):
+        env = smpl.Env(compiled(SAMPLED, step, count), normalize=False, method=method)
+        env.reset(seed=0, options={"parameters": {"theta": theta}})
+        for k in range(count):
+            last = math.floor((k + 1) * step + 1e-9)
+            # An instant at the end of a step belongs to the next one.
+            seen = last - 1 if last >= (k + 1) * step - 1e-9 else last
+            (by_update, present), *_ = env.step(np.zeros(0))
+            if last > theta:
+                assert present == last - theta + 1, (theta, (k + 1) * step)
+            if seen > theta:
+                assert by_update == seen - theta + 1, (theta, (k + 1) * step)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_loop_with_sampled_delayed_values_does_not_depend_on_the_control_step(method):
+    source = """
+model Predictor
+time t : s
+param theta : s = 2
+state x = 0
+state z = 0
+discrete u = 0 in -50..50
+discrete p = 0
+eq d/dt x = (delay(u, theta) - x)/5 [s]
+eq d/dt z = (delay(u, theta) - z)/3 [s]
+control u from x + p - z*0.1 setpoint (if t < 7.3 [s] then 5 else 2) gain 1.3 reset 4 [s] every 0.5 [s]
+at every 0.5 [s] { next p = 0.9*p + 0.1*(u - delay(u, theta)) }
+observe x in -99..99
+solver { rtol = 1e-9 }
+"""
+    whole = final(source, 12.0, 1, method)[0]
+    assert [final(source, 12.0, n, method)[0] for n in (12, 15, 20, 30, 40)] == pytest.approx([whole] * 5, rel=1e-7)

@@ -332,3 +332,35 @@ def test_jumps_under_a_dead_time_that_changes_within_steps_are_refused_by_name()
     model = compiled(source, 0.3, 9, "s")
     with pytest.raises(smpl.SimulationError, match=r"delay\(u, theta\).*jumps"):
         model.linearize_rollout([0.5, 1.0], np.ones((9, 1)))
+
+
+READ_AT_THE_START = """
+model Start
+time t : s
+param p = 1.5
+state T = 60 in 0..1000
+discrete v = 20 in 0..1000
+eq d/dt T = (v - T) / 8 [s]
+observe T
+solver { rtol = 1e-9 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("update", "by_state", "by_parameter"),
+    [
+        # With E = exp(-5/8) the step gives T E + v (1 - E), v being the value before the start.
+        ("at start { next v = delay(p*T, 7 [s]) }", 1.5, 60.0),
+        ("at start { next v = delay(T, 7 [s], before = p*1) }", 0.0, 1.0),
+        ("at every 5 [s] { next v = p*delay(T, 7 [s]) }", 1.5, 60.0),
+    ],
+)
+def test_updates_at_the_first_instant_read_the_derivatives_of_delayed_values(update, by_state, by_parameter):
+    model = compiled(READ_AT_THE_START + update, 5.0, 9, "s")
+    found = model.linearize_step([60.0], [], by=("state",), parameters=("p",))
+    decay = math.exp(-5 / 8)
+    assert found.dx_dx == pytest.approx(decay + by_state * (1 - decay), rel=1e-7)
+    assert found.dx_dp == pytest.approx(by_parameter * (1 - decay), rel=1e-7)
+    steps = model.linearize_rollout([60.0], np.zeros((3, 0)), by=("state",), parameters=("p",))
+    moved = [model.rollout([60.0 + h], np.zeros((3, 0))).states.ravel()[1:] for h in (-0.01, 0.01)]
+    assert np.ravel(steps.dx_dx) == pytest.approx((moved[1] - moved[0]) / 0.02, rel=1e-6, abs=1e-7)

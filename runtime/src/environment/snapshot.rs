@@ -11,7 +11,7 @@ use crate::random::EpisodeKey;
 use crate::setup::Setup;
 
 /// First bytes of a snapshot; the last one is the version of what follows.
-const MAGIC: &[u8; 8] = b"smplsnp\x07";
+const MAGIC: &[u8; 8] = b"smplsnp\x08";
 
 /// Bytes at the end: the hash of all before them.
 const SUM: usize = blake3::OUT_LEN;

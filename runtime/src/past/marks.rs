@@ -40,7 +40,8 @@ pub(super) struct Marks {
     breaks: Vec<Break>,
 }
 
-fn near(time: f64) -> f64 {
+/// Distance of two times that are one.
+pub(super) fn near(time: f64) -> f64 {
     NEAR * time.abs()
 }
 

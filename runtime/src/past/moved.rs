@@ -80,9 +80,9 @@ impl MovedPast {
         let (elements, width) = (past.values.len(), self.width());
         let first = system.memory().layout().range(Region::Delayed).start;
         let mut samples = std::mem::take(&mut self.samples);
-        for (from, to) in past.kept.record.spans() {
+        for (begin, end) in past.kept.record.spans() {
             for (node, out) in nodes().into_iter().zip(samples.chunks_exact_mut(elements * width)) {
-                let point = Point { time: from + node * (to - from), moving: &[], y, yp };
+                let point = Point { time: begin + node * (end - begin), moving: &[], y, yp };
                 if past.given.contains(&true) {
                     self.tangents.run(system, Part::Before, point, elements)?;
                 }
@@ -93,10 +93,11 @@ impl MovedPast {
                     out.iter_mut().enumerate().for_each(|(j, out)| *out = value(j));
                 }
             }
-            self.record.push(from, (from, to), &samples);
+            self.record.push(begin, (begin, end), &samples);
         }
         self.samples = samples;
         self.recorded = true;
+        self.wake(from);
         Ok(())
     }
 
@@ -141,13 +142,13 @@ impl MovedPast {
     /// Derivatives of the delayed values at a time, for the dead times that the past has looked up
     /// last.
     pub(crate) fn look_up(&mut self, past: &Past, now: f64) {
-        let width = self.width();
+        let (width, reach) = (self.width(), past.reach_at(now));
         let mut spot = None;
         for (values, (element, &lag)) in self.values.chunks_exact_mut(width).zip(past.kept.lags.iter().enumerate()) {
             let earlier = now - lag;
             let found = match spot {
                 Some((known, found)) if known == earlier => found,
-                _ => self.record.locate(earlier, now),
+                _ => self.record.locate(earlier, reach),
             };
             spot = Some((earlier, found));
             for (j, value) in values.iter_mut().enumerate() {

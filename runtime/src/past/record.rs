@@ -9,7 +9,7 @@ pub(super) use crate::solver::nodes::shares as nodes;
 pub(super) const TERMS: usize = NODES;
 
 /// Roundings of the present time by which an earlier time may miss the beginning of a piece.
-const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
+pub(super) const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
 /// A span of time over which all recorded values are polynomials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -142,10 +142,9 @@ impl Record {
         self.terms.drain(..gone * TERMS * self.width);
     }
 
-    /// The place of an earlier time, seen from the present one.
-    pub(super) fn locate(&self, at: f64, now: f64) -> Spot {
-        let reach = at + ROUNDINGS * now.abs();
-        let piece = self.pieces.partition_point(|piece| piece.from <= reach).saturating_sub(1);
+    /// The place of an earlier time, which is in a piece that begins within this reach behind it.
+    pub(super) fn locate(&self, at: f64, reach: f64) -> Spot {
+        let piece = self.pieces.partition_point(|piece| piece.from <= at + reach).saturating_sub(1);
         let mut spot = Spot { piece, basis: [0.0; TERMS], rates: [0.0; TERMS], beyond: 0.0 };
         let Some(&Piece { from, begin, length, .. }) = self.pieces.get(piece) else { return spot };
         let end = if piece + 1 == self.pieces.len() { self.end() } else { f64::INFINITY };
@@ -232,7 +231,7 @@ mod tests {
         let kept = record(|t| t.powi(7) - 3.0 * t.powi(2), &[-1.0, 0.0, 2.0]);
         for i in 0..=30 {
             let t = -1.0 + 0.1 * f64::from(i);
-            let (value, rate) = kept.at(&kept.locate(t, 2.0), 0);
+            let (value, rate) = kept.at(&kept.locate(t, 0.0), 0);
             assert!((value - (t.powi(7) - 3.0 * t * t)).abs() < 1e-12, "{t}: {value}");
             assert!((rate - (7.0 * t.powi(6) - 6.0 * t)).abs() < 1e-10, "{t}: {rate}");
         }
@@ -241,7 +240,7 @@ mod tests {
     #[test]
     fn equal_values_are_kept_exactly() {
         let kept = record(|_| 0.1, &[0.0, 0.3]);
-        assert_eq!(kept.at(&kept.locate(0.1, 0.3), 0), (0.1, 0.0));
+        assert_eq!(kept.at(&kept.locate(0.1, 0.0), 0), (0.1, 0.0));
     }
 
     #[test]
@@ -260,7 +259,7 @@ mod tests {
         kept.cut(1.5);
         kept.trim(1.2);
         assert!(kept.fits(1) && kept.end() == 1.5);
-        let (value, _) = kept.at(&kept.locate(1.4, 1.5), 0);
+        let (value, _) = kept.at(&kept.locate(1.4, 0.0), 0);
         assert!((value - 1.4_f64.sin()).abs() < 1e-9);
     }
 }
