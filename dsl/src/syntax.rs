@@ -5,6 +5,7 @@
 //! looked up here: `c[i, z]` is a [`ExprKind::Index`] whatever `c`, `i` and `z` are.
 
 mod parts;
+mod statement;
 mod visit;
 
 use serde::{Deserialize, Serialize};

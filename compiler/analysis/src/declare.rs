@@ -143,7 +143,23 @@ impl Declarer<'_> {
             }
             StatementKind::Test { name, name_span, .. } => named(&Ident { text: name.clone(), span: *name_span }, SymbolKind::Test, &None),
             StatementKind::When { body, .. } => return self.statements(body, within),
-            _ => return,
+            StatementKind::Import { .. }
+            | StatementKind::Set { .. }
+            | StatementKind::Equation { .. }
+            | StatementKind::Connect { .. }
+            | StatementKind::Initial { .. }
+            | StatementKind::StartEquation { .. }
+            | StatementKind::StartSteady { .. }
+            | StatementKind::Steady { .. }
+            | StatementKind::Episode { .. }
+            | StatementKind::Solver { .. }
+            | StatementKind::At { .. }
+            | StatementKind::Next { .. }
+            | StatementKind::Reset { .. }
+            | StatementKind::Clamp { .. }
+            | StatementKind::Control(_)
+            | StatementKind::Remove { .. }
+            | StatementKind::TestStep(_) => return,
         };
         self.symbols.declare(symbol);
     }

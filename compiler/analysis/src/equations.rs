@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Role, Statement, StatementKind};
 
 use crate::hover::definition;
-use crate::program::{Program, body};
+use crate::program::Program;
 
 /// An equation in LaTeX.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ fn collect(statements: &[Statement], within: &mut Vec<String>, out: &mut Vec<Typ
                     _ => continue,
                 };
                 within.push(name);
-                collect(body(statement), within, out);
+                collect(statement.kind.block(), within, out);
                 within.pop();
             }
         }

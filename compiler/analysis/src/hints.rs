@@ -4,7 +4,7 @@ use smpl_dsl::span::FileId;
 use smpl_dsl::syntax::{Binder, BinderSet, Declaration, ExprKind, Role, Statement, StatementKind};
 
 use crate::check::{Fact, Facts};
-use crate::program::{Program, body};
+use crate::program::Program;
 use crate::reference::shown;
 use crate::symbols::{SymbolId, SymbolKind};
 
@@ -63,7 +63,7 @@ impl Hints<'_> {
                     let component = self.program.symbols().find(None, true, &name.text);
                     self.statements(body, component);
                 }
-                _ => self.statements(body(statement), within),
+                _ => self.statements(statement.kind.block(), within),
             }
         }
     }

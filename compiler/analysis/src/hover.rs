@@ -9,7 +9,7 @@ use smpl_dsl::units::{OwnUnits, Unit, resolve};
 use smpl_dsl::{latex, words};
 
 use crate::check::{Fact, Facts};
-use crate::program::{BuiltIn, Program, body};
+use crate::program::{BuiltIn, Program};
 use crate::reference;
 use crate::symbols::{Symbol, SymbolId, SymbolKind};
 use crate::token::{TokenKind, tokens, word_at};
@@ -214,7 +214,7 @@ fn typeset_at(statements: &[Statement], start: u32, name: &str) -> Option<String
             let found = declarations.iter().find(|d| d.span.start == start || d.name.text == name)?;
             definition(found)
         }
-        _ => typeset_at(body(statement), start, name),
+        _ => typeset_at(statement.kind.block(), start, name),
     }
 }
 

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use smpl_dsl::span::{FileId, Span};
-use smpl_dsl::syntax::{Expr, Statement, StatementKind};
+use smpl_dsl::syntax::{Statement, StatementKind};
 use smpl_dsl::words;
 
-use crate::program::{BuiltIn, Program, body};
+use crate::program::{BuiltIn, Program};
 use crate::symbols::{SymbolId, SymbolKind};
 use crate::texts::Texts;
 use crate::token::{TokenKind, tokens, word_at};
@@ -98,7 +98,7 @@ pub fn folds(program: &Program, file: FileId) -> Vec<Range<usize>> {
 fn blocks(statements: &[Statement], visit: &mut dyn FnMut(Span)) {
     for statement in statements {
         visit(statement.span);
-        blocks(body(statement), visit);
+        blocks(statement.kind.block(), visit);
     }
 }
 
@@ -110,12 +110,14 @@ pub fn selections(program: &Program, file: FileId, offset: usize) -> Vec<Range<u
     let around = program.statements_around(file, offset);
     if let Some(statement) = around.last() {
         let mut found: Vec<Range<usize>> = Vec::new();
-        expressions(statement, &mut |e| {
-            let range = bytes(e.span);
-            if range.start <= offset && offset <= range.end {
-                found.push(range);
-            }
-        });
+        for outer in statement.kind.expressions() {
+            outer.walk(&mut |e| {
+                let range = bytes(e.span);
+                if range.start <= offset && offset <= range.end {
+                    found.push(range);
+                }
+            });
+        }
         found.sort_by_key(|range| range.end - range.start);
         out.extend(found);
     }
@@ -129,39 +131,6 @@ pub fn selections(program: &Program, file: FileId, offset: usize) -> Vec<Range<u
         }
     }
     kept
-}
-
-/// Calls `visit` with all expressions of a statement that has no block.
-fn expressions<'s>(statement: &'s Statement, visit: &mut dyn FnMut(&'s Expr)) {
-    let mut walk = |list: Vec<&'s Expr>| list.into_iter().for_each(|e| e.walk(visit));
-    match &statement.kind {
-        StatementKind::Equation { lhs, rhs, binders } => {
-            walk([lhs, rhs].into_iter().chain(binders.iter().flat_map(|b| b.children())).collect());
-        }
-        StatementKind::Declare { declarations, .. } => {
-            for d in declarations {
-                let bounds = d.bounds.iter().flat_map(|(low, high)| [low, high]);
-                walk([&d.value, &d.sample, &d.scale].into_iter().flatten().chain(bounds).collect());
-            }
-        }
-        StatementKind::Reward { value, .. } => walk(vec![value]),
-        StatementKind::Def { body, locals, .. } => walk(locals.iter().map(|local| &local.value).chain([body]).collect()),
-        StatementKind::Fail { condition, .. }
-        | StatementKind::Success { condition, .. }
-        | StatementKind::Constraint { condition, .. }
-        | StatementKind::Event { condition, .. } => walk(vec![condition]),
-        StatementKind::StartEquation { lhs: target, rhs: value, .. }
-        | StatementKind::Initial { target, value, .. }
-        | StatementKind::Next { target, value, .. }
-        | StatementKind::Reset { target, value, .. } => {
-            walk(vec![target, value]);
-        }
-        StatementKind::Control(control) => walk(control.expressions().collect()),
-        StatementKind::At { every: Some(every), .. } => walk(vec![every]),
-        StatementKind::Observe { items } => walk(items.iter().map(|item| &item.value).collect()),
-        StatementKind::Instance { arguments, .. } => walk(arguments.iter().map(|(_, value)| value).collect()),
-        _ => {}
-    }
 }
 
 /// Files that `use "path"` names, with the bytes of the path.
@@ -181,7 +150,7 @@ fn imports(statements: &[Statement], visit: &mut dyn FnMut(&str, Span)) {
     for statement in statements {
         match &statement.kind {
             StatementKind::Import { path, path_span } => visit(path, *path_span),
-            _ => imports(body(statement), visit),
+            _ => imports(statement.kind.block(), visit),
         }
     }
 }

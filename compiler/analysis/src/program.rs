@@ -150,7 +150,7 @@ impl Program {
         let holds = |s: &&Statement| (s.span.start as usize..=s.span.end as usize).contains(&offset);
         while let Some(statement) = list.iter().find(holds) {
             out.push(statement);
-            list = body(statement);
+            list = statement.kind.block();
         }
         out
     }
@@ -210,19 +210,4 @@ pub(crate) fn loaded(main: &Path, written: &str, texts: &dyn Texts) -> Option<(S
     let path = texts.import(main, written)?;
     let text = texts.text(&path)?;
     Some((path.display().to_string(), text.as_ref().to_owned()))
-}
-
-/// Statements in the block of a statement.
-#[must_use]
-pub fn body(statement: &Statement) -> &[Statement] {
-    match &statement.kind {
-        StatementKind::Component { body, .. }
-        | StatementKind::Level { body, .. }
-        | StatementKind::At { body, .. }
-        | StatementKind::Variant { body, .. }
-        | StatementKind::Test { body, .. }
-        | StatementKind::When { body, .. } => body,
-        StatementKind::Phase(phase) => &phase.body,
-        _ => &[],
-    }
 }

@@ -215,7 +215,32 @@ impl Resolver<'_> {
                 self.exprs(condition);
                 self.note_equation(statement.span, None, before);
             }
-            _ => self.problem(statement),
+            StatementKind::Initial { .. }
+            | StatementKind::StartEquation { .. }
+            | StatementKind::StartSteady { .. }
+            | StatementKind::Steady { .. }
+            | StatementKind::Observe { .. }
+            | StatementKind::Level { .. }
+            | StatementKind::Reward { .. }
+            | StatementKind::Fail { .. }
+            | StatementKind::Success { .. }
+            | StatementKind::Constraint { .. }
+            | StatementKind::Invariant { .. }
+            | StatementKind::Episode { .. }
+            | StatementKind::Solver { .. }
+            | StatementKind::Policy { .. }
+            | StatementKind::At { .. }
+            | StatementKind::Control(_)
+            | StatementKind::Remove { .. }
+            | StatementKind::Next { .. }
+            | StatementKind::Reset { .. }
+            | StatementKind::Clamp { .. }
+            | StatementKind::Event { .. }
+            | StatementKind::Phase(_)
+            | StatementKind::Test { .. }
+            | StatementKind::TestStep(_)
+            | StatementKind::Variant { .. }
+            | StatementKind::When { .. } => self.problem(statement),
         }
     }
 
@@ -302,7 +327,25 @@ impl Resolver<'_> {
                 self.expr(target);
             }
             StatementKind::TestStep(step) => self.test_step(step),
-            _ => {}
+            StatementKind::Model { .. }
+            | StatementKind::Import { .. }
+            | StatementKind::Time { .. }
+            | StatementKind::Unit { .. }
+            | StatementKind::Set { .. }
+            | StatementKind::Table(_)
+            | StatementKind::TimeTable(_)
+            | StatementKind::Def { .. }
+            | StatementKind::Declare { .. }
+            | StatementKind::Equation { .. }
+            | StatementKind::Domain(_)
+            | StatementKind::Flux(_)
+            | StatementKind::Reaction(_)
+            | StatementKind::Connector { .. }
+            | StatementKind::Component { .. }
+            | StatementKind::Port { .. }
+            | StatementKind::Instance { .. }
+            | StatementKind::Connect { .. }
+            | StatementKind::Choice { .. } => {}
         }
     }
 

@@ -69,12 +69,7 @@ fn statements(list: &[Statement], interface: &Interface, found: &mut Vec<Diagnos
             StatementKind::Fail { name, event: true, condition, .. } | StatementKind::Success { name, event: true, condition, .. } => {
                 found.extend(unreachable(&name.text, condition, interface));
             }
-            StatementKind::Component { body, .. }
-            | StatementKind::Variant { body, .. }
-            | StatementKind::When { body, .. }
-            | StatementKind::Level { body, .. }
-            | StatementKind::At { body, .. } => statements(body, interface, found),
-            _ => {}
+            other => statements(other.block(), interface, found),
         }
     }
 }
@@ -88,13 +83,44 @@ fn expressions(kind: &StatementKind) -> Vec<&Expr> {
         StatementKind::Def { body, locals, .. } => locals.iter().map(|local| &local.value).chain([body]).collect(),
         StatementKind::Flux(flux) => [Some(&flux.inner), flux.low.as_ref(), flux.high.as_ref()].into_iter().flatten().collect(),
         StatementKind::Next { value, .. } | StatementKind::Reset { value, .. } | StatementKind::Reward { value, .. } => vec![value],
-        StatementKind::Control(control) => control.expressions().collect(),
+        StatementKind::Control(_) | StatementKind::Reaction(_) => kind.expressions(),
         StatementKind::Observe { items } => items.iter().map(|item| &item.value).collect(),
         StatementKind::Fail { condition, .. }
         | StatementKind::Success { condition, .. }
         | StatementKind::Constraint { condition, .. }
         | StatementKind::Event { condition, .. } => vec![condition],
-        _ => Vec::new(),
+        StatementKind::Model { .. }
+        | StatementKind::Import { .. }
+        | StatementKind::Time { .. }
+        | StatementKind::Unit { .. }
+        | StatementKind::Set { .. }
+        | StatementKind::Table(_)
+        | StatementKind::TimeTable(_)
+        | StatementKind::Declare { .. }
+        | StatementKind::Domain(_)
+        | StatementKind::Connector { .. }
+        | StatementKind::Component { .. }
+        | StatementKind::Port { .. }
+        | StatementKind::Instance { .. }
+        | StatementKind::Connect { .. }
+        | StatementKind::Initial { .. }
+        | StatementKind::StartEquation { .. }
+        | StatementKind::StartSteady { .. }
+        | StatementKind::Steady { .. }
+        | StatementKind::Level { .. }
+        | StatementKind::Invariant { .. }
+        | StatementKind::Episode { .. }
+        | StatementKind::Solver { .. }
+        | StatementKind::Policy { .. }
+        | StatementKind::At { .. }
+        | StatementKind::Clamp { .. }
+        | StatementKind::Phase(_)
+        | StatementKind::Test { .. }
+        | StatementKind::TestStep(_)
+        | StatementKind::Remove { .. }
+        | StatementKind::Variant { .. }
+        | StatementKind::Choice { .. }
+        | StatementKind::When { .. } => Vec::new(),
     }
 }
 

@@ -24,6 +24,11 @@ fn each_lint_has_its_code_its_place_and_its_exit_status() {
     for (more, code, message) in [
         ("let T : K = 20 [K] + 273.15 [K]\n", "W0302", "273.15 is the zero of the Celsius scale"),
         ("def f(T) = 8.314*T\nlet y = f(x)\n", "W0302", "8.314 is the molar gas constant"),
+        (
+            "reaction r: A -> B rate 8.314*c[A]/1 [s]\nset s = { A, B }\nstate c[s] = 1 in 0..2 scale 1\neq d/dt c[i] = source[i] for i in s\n",
+            "W0302",
+            "8.314 is the molar gas constant",
+        ),
         ("event low when x < 0.5\n", "W0605", "nothing happens at the event `low`"),
         ("fail high event x >= 3\n", "W0606", "the event `high` is outside of the bounds of `x`, 0..2"),
         ("success low event -1 > x\n", "W0606", "the event `low` is outside of the bounds of `x`"),

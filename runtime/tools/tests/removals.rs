@@ -36,6 +36,21 @@ fn a_variant_takes_statements_out() {
 }
 
 #[test]
+fn a_variant_takes_a_controller_out() {
+    let source = format!(
+        "{DECAY}discrete u = 1 in 0..10\ncontrol u from x setpoint 5 gain 1 every 1 [s]\nvariant open {{ remove control u; remove low }}\n\
+         variant closed {{ remove low }}\n"
+    );
+    let last = |variant: &str| {
+        let table = run(variant, &source, &["--variant", variant]).1;
+        let at = table.lines().next().expect("a header").split(',').position(|name| name == "u").expect("a column");
+        table.lines().last().expect("a row").split(',').nth(at).expect("a cell").parse::<f64>().expect("a number")
+    };
+    assert_eq!(last("open"), 1.0);
+    assert!(last("closed") > 3.0);
+}
+
+#[test]
 fn a_removal_without_a_statement_is_refused() {
     for line in ["variant v { remove fail hihg }", "variant v { remove eq d/dt y }", "variant v { remove reward low }", "remove low"] {
         let output = smpl(&["check", name(&file("nothing", "m.eq", format!("{DECAY}{line}\n"))), "--variant", "v"]);

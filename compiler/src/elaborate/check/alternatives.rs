@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, Severity, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Domain, Expr, ExprKind, File, Flux, Ident, Phase, Statement, StatementKind, TimeTable};
+use smpl_dsl::syntax::{Expr, ExprKind, File, Ident, Statement, StatementKind};
 
 use crate::elaborate::budget::is_spent;
 use crate::elaborate::options::Options;
@@ -52,7 +52,9 @@ pub(in crate::elaborate) fn faults_in_alternatives(
     files.iter().for_each(|file| collect(&file.statements, (chosen, &own), &Asked::new(), &mut bodies));
     components_to_choose(files, chosen, &mut bodies);
     let mut declared = HashSet::new();
-    bodies.iter().for_each(|body| body.statements.iter().for_each(|statement| names(statement, &mut declared)));
+    bodies.iter().flat_map(|body| body.statements).for_each(|statement| {
+        declared.extend(statement.kind.declares().into_iter().map(|name| name.text.as_str()));
+    });
     let statements = files.iter().map(|file| count(&file.statements)).sum();
     let mut check = Check { options, switches: switches(files), declared, statements, spent, faults_with };
     let mut faults = Faults::default();
@@ -126,68 +128,29 @@ fn components_to_choose<'a>(files: &'a [File], chosen: &HashMap<String, String>,
 
 /// The statements `use` in a statement.
 fn instances<'a>(statement: &'a Statement, out: &mut Vec<Use<'a>>) {
-    match &statement.kind {
-        StatementKind::Instance { component, arguments, .. } => out.push((statement.span, &component.text, arguments)),
-        StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => {
-            body.iter().for_each(|inner| instances(inner, out));
-        }
-        _ => {}
+    if let StatementKind::Instance { component, arguments, .. } = &statement.kind {
+        out.push((statement.span, &component.text, arguments));
     }
+    statement.kind.block().iter().for_each(|inner| instances(inner, out));
 }
 
 fn count(statements: &[Statement]) -> usize {
-    let inner = |statement: &Statement| match &statement.kind {
-        StatementKind::Variant { body, .. } | StatementKind::When { body, .. } | StatementKind::Component { body, .. } => count(body),
-        _ => 0,
-    };
-    statements.iter().map(|statement| 1 + inner(statement)).sum()
+    statements.iter().map(|statement| 1 + count(statement.kind.block())).sum()
 }
 
 /// All variants, on.
 fn switches(files: &[File]) -> Asked {
     fn of(statements: &[Statement], out: &mut Asked) {
         for statement in statements {
-            match &statement.kind {
-                StatementKind::Variant { name, body, .. } => {
-                    out.push((name.text.clone(), "true".into()));
-                    of(body, out);
-                }
-                StatementKind::When { body, .. } | StatementKind::Component { body, .. } => of(body, out),
-                _ => {}
+            if let StatementKind::Variant { name, .. } = &statement.kind {
+                out.push((name.text.clone(), "true".into()));
             }
+            of(statement.kind.block(), out);
         }
     }
     let mut out = Asked::new();
     files.iter().for_each(|file| of(&file.statements, &mut out));
     out
-}
-
-/// The names that a statement declares.
-fn names<'a>(statement: &'a Statement, out: &mut HashSet<&'a str>) {
-    match &statement.kind {
-        StatementKind::Declare { declarations, .. } => out.extend(declarations.iter().map(|d| d.name.text.as_str())),
-        StatementKind::Reaction(reaction) => {
-            out.insert(&reaction.declaration.name.text);
-        }
-        StatementKind::Port { names, .. } => out.extend(names.iter().map(|port| port.name.text.as_str())),
-        StatementKind::Table(table) => out.extend(table.columns.iter().map(|column| column.name.text.as_str())),
-        StatementKind::Domain(Domain { name, .. })
-        | StatementKind::TimeTable(TimeTable { name, .. })
-        | StatementKind::Flux(Flux { name, .. })
-        | StatementKind::Phase(Phase { name, .. })
-        | StatementKind::Set { name, .. }
-        | StatementKind::Def { name, .. }
-        | StatementKind::Connector { name, .. }
-        | StatementKind::Component { name, .. }
-        | StatementKind::Instance { name, .. }
-        | StatementKind::Event { name, .. }
-        | StatementKind::Fail { name, .. }
-        | StatementKind::Reward { name, .. }
-        | StatementKind::Time { name, .. } => {
-            out.insert(&name.text);
-        }
-        _ => {}
-    }
 }
 
 struct Check<'a, 'w> {

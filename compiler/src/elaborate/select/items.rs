@@ -210,6 +210,7 @@ fn left_side<'a>(item: &Item<'a>) -> Option<&'a Expr> {
         | StatementKind::Reset { target, .. }
         | StatementKind::Clamp { target, .. } => Some(target),
         StatementKind::Connect { chain, .. } => chain.first(),
+        StatementKind::Control(control) => Some(&control.output),
         _ => None,
     }
 }
@@ -249,7 +250,34 @@ fn keyword(item: &Item<'_>) -> &'static str {
         StatementKind::Event { .. } => "event",
         StatementKind::Phase(_) => "phase",
         StatementKind::Reaction(_) => "reaction",
-        _ => "",
+        StatementKind::Control(_) => "control",
+        StatementKind::Model { .. }
+        | StatementKind::Import { .. }
+        | StatementKind::Time { .. }
+        | StatementKind::Unit { .. }
+        | StatementKind::Set { .. }
+        | StatementKind::Table(_)
+        | StatementKind::TimeTable(_)
+        | StatementKind::Def { .. }
+        | StatementKind::Declare { .. }
+        | StatementKind::Domain(_)
+        | StatementKind::Flux(_)
+        | StatementKind::Connector { .. }
+        | StatementKind::Component { .. }
+        | StatementKind::Port { .. }
+        | StatementKind::Instance { .. }
+        | StatementKind::StartSteady { .. }
+        | StatementKind::Steady { .. }
+        | StatementKind::Observe { .. }
+        | StatementKind::Episode { .. }
+        | StatementKind::Solver { .. }
+        | StatementKind::At { .. }
+        | StatementKind::Test { .. }
+        | StatementKind::TestStep(_)
+        | StatementKind::Variant { .. }
+        | StatementKind::Remove { .. }
+        | StatementKind::Choice { .. }
+        | StatementKind::When { .. } => "",
     }
 }
 
@@ -322,7 +350,26 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         StatementKind::Test { name, .. } => Key::Named(discriminant(kind), name),
         StatementKind::Table(table) => Key::Table(&table.columns.first()?.name.text),
         StatementKind::Time { .. } => Key::Time,
-        _ => return None,
+        StatementKind::Model { .. }
+        | StatementKind::Import { .. }
+        | StatementKind::Declare { .. }
+        | StatementKind::Connector { .. }
+        | StatementKind::Component { .. }
+        | StatementKind::Port { .. }
+        | StatementKind::StartSteady { .. }
+        | StatementKind::Steady { .. }
+        | StatementKind::Observe { .. }
+        | StatementKind::Episode { .. }
+        | StatementKind::Solver { .. }
+        | StatementKind::At { .. }
+        | StatementKind::Next { .. }
+        | StatementKind::Reset { .. }
+        | StatementKind::Clamp { .. }
+        | StatementKind::TestStep(_)
+        | StatementKind::Remove { .. }
+        | StatementKind::Variant { .. }
+        | StatementKind::Choice { .. }
+        | StatementKind::When { .. } => return None,
     })
 }
 

@@ -79,7 +79,32 @@ impl<'s> Writer<'s> {
                 }
             }
             StatementKind::Phase(phase) => self.phase(phase),
-            _ => {}
+            StatementKind::Test { name, .. } => {
+                let text = self.source.texts.text(statement.span);
+                self.block(&format!("Test \"{}\":\n\n```eq\n{text}\n```", prose(name)));
+            }
+            StatementKind::Model { .. }
+            | StatementKind::Import { .. }
+            | StatementKind::Time { .. }
+            | StatementKind::Unit { .. }
+            | StatementKind::Set { .. }
+            | StatementKind::Table(_)
+            | StatementKind::TimeTable(_)
+            | StatementKind::Def { .. }
+            | StatementKind::Declare { .. }
+            | StatementKind::Equation { .. }
+            | StatementKind::Domain(_)
+            | StatementKind::Flux(_)
+            | StatementKind::Reaction(_)
+            | StatementKind::Connector { .. }
+            | StatementKind::Component { .. }
+            | StatementKind::Port { .. }
+            | StatementKind::Instance { .. }
+            | StatementKind::Connect { .. }
+            | StatementKind::TestStep(_)
+            | StatementKind::Variant { .. }
+            | StatementKind::Choice { .. }
+            | StatementKind::When { .. } => {}
         }
     }
 

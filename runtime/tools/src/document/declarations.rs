@@ -148,7 +148,40 @@ impl<'s> Writer<'s> {
                 let options: Vec<String> = options.iter().map(|o| code(&o.text)).collect();
                 self.row(CHOICES, vec![code(&name.text), options.join(", "), prose(text.as_deref().unwrap_or(""))]);
             }
-            _ => return false,
+            StatementKind::Model { .. }
+            | StatementKind::Import { .. }
+            | StatementKind::Def { .. }
+            | StatementKind::Declare { .. }
+            | StatementKind::Equation { .. }
+            | StatementKind::Flux(_)
+            | StatementKind::Reaction(_)
+            | StatementKind::Component { .. }
+            | StatementKind::Initial { .. }
+            | StatementKind::StartEquation { .. }
+            | StatementKind::StartSteady { .. }
+            | StatementKind::Steady { .. }
+            | StatementKind::Observe { .. }
+            | StatementKind::Level { .. }
+            | StatementKind::Reward { .. }
+            | StatementKind::Fail { .. }
+            | StatementKind::Success { .. }
+            | StatementKind::Constraint { .. }
+            | StatementKind::Invariant { .. }
+            | StatementKind::Episode { .. }
+            | StatementKind::Solver { .. }
+            | StatementKind::Policy { .. }
+            | StatementKind::At { .. }
+            | StatementKind::Control(_)
+            | StatementKind::Next { .. }
+            | StatementKind::Reset { .. }
+            | StatementKind::Clamp { .. }
+            | StatementKind::Event { .. }
+            | StatementKind::Phase(_)
+            | StatementKind::Test { .. }
+            | StatementKind::TestStep(_)
+            | StatementKind::Variant { .. }
+            | StatementKind::Remove { .. }
+            | StatementKind::When { .. } => return false,
         }
         true
     }

@@ -209,10 +209,6 @@ impl<'s> Writer<'s> {
                 self.component_parameters(parameters);
                 self.component(statement, name, body);
             }
-            StatementKind::Test { name, .. } => {
-                let text = self.source.texts.text(statement.span);
-                self.block(&format!("Test \"{}\":\n\n```eq\n{text}\n```", prose(name)));
-            }
             StatementKind::Equation { lhs, rhs, binders } => self.equation(statement, &latex::equation(lhs, rhs, binders)),
             StatementKind::Declare { role: Role::Let, declarations } => self.definitions(statement, declarations),
             StatementKind::Declare { role, declarations } => self.declarations(*role, declarations),
@@ -362,7 +358,17 @@ fn chapter(kind: &StatementKind) -> &'static str {
         StatementKind::Policy { .. } => "Policies",
         StatementKind::Choice { .. } => "Choices",
         StatementKind::Test { .. } => "Tests",
-        _ => "",
+        StatementKind::Model { .. }
+        | StatementKind::Import { .. }
+        | StatementKind::Time { .. }
+        | StatementKind::Port { .. }
+        | StatementKind::Next { .. }
+        | StatementKind::Reset { .. }
+        | StatementKind::Clamp { .. }
+        | StatementKind::TestStep(_)
+        | StatementKind::Variant { .. }
+        | StatementKind::Remove { .. }
+        | StatementKind::When { .. } => "",
     }
 }
 
