@@ -16,7 +16,7 @@ use smpl_dsl::stack::on_own_stack;
 
 use crate::compiled::{BackEndError, BackEndSettings, CompileStatistics, CompiledModel, Parts};
 use crate::differentiate::pattern::Pattern;
-use crate::elaborate::{self, Elaborated, Options};
+use crate::elaborate::{self, Elaborated, Equation, Options};
 use crate::explicit_time::ExplicitTime;
 use crate::functions::{self, Function, Lengths};
 use crate::generate::{Effort, Generated, Request, generate};
@@ -27,6 +27,7 @@ use crate::model::{Interface, Model};
 use crate::read::{Loader, independent, read};
 use crate::schedule::{Staged, reroll};
 use crate::switches::Watched;
+use crate::verify::{Violation, verify_equations};
 use crate::{differentiate, explicit_time, schedule, structure};
 
 #[cfg(test)]
@@ -102,7 +103,7 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         Ok(elaborated) => elaborated,
         Err(faults) => return Err(independent(sources, texts.faults, faults)),
     };
-    let (mut model, mut warnings) = determine(elaborated).map_err(|mut faults| {
+    let (mut model, mut warnings) = determine(elaborated, options.verify).map_err(|mut faults| {
         elaborate::show_derivatives(&texts.files, sources, &mut faults);
         faults
     })?;
@@ -145,31 +146,58 @@ fn named_after(file: &str) -> String {
     if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name } else { "model".to_owned() }
 }
 
-/// Assigns equations to unknowns: completes the model, equations to rows.
-fn determine(elaborated: Elaborated) -> Result<(Model, Faults), Faults> {
+/// Assigns equations to unknowns: completes the model, equations to rows. With `verify` the
+/// invariants are checked after each pass.
+fn determine(elaborated: Elaborated, verify: bool) -> Result<(Model, Faults), Faults> {
     let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
-    structure::drop_unused_delays(&mut model, &mut equations);
-    structure::approximate_delays(&mut model, &mut equations)?;
-    structure::settle_repeats(&mut model, &mut equations);
-    structure::cut_at_parts(&mut model, &mut equations);
-    if runs {
-        structure::write_out_ranges(&mut model, &mut equations);
+    let check = |pass: &str, model: &Model, equations: &[Equation]| {
+        if verify {
+            sound(pass, verify_equations(model, equations));
+        }
+    };
+    check("elaborate", &model, &equations);
+    macro_rules! pass {
+        ($call:expr) => {{
+            let made = $call;
+            check(stringify!($call), &model, &equations);
+            made
+        }};
     }
-    structure::expand_rates(&mut model, &mut equations);
-    structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations);
-    structure::combine_rates(&mut model, &mut equations);
+    pass!(structure::drop_unused_delays(&mut model, &mut equations));
+    pass!(structure::approximate_delays(&mut model, &mut equations)?);
+    pass!(structure::settle_repeats(&mut model, &mut equations));
+    pass!(structure::cut_at_parts(&mut model, &mut equations));
+    if runs {
+        pass!(structure::write_out_ranges(&mut model, &mut equations));
+    }
+    pass!(structure::expand_rates(&mut model, &mut equations));
+    pass!(structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations));
+    pass!(structure::combine_rates(&mut model, &mut equations));
     let rates = structure::cover_states(&model, &equations)?;
-    structure::substitute_derivatives(&mut model, &mut equations);
+    pass!(structure::substitute_derivatives(&mut model, &mut equations));
     let written = equations.clone();
-    let plan = structure::plan_algebraic(&mut model, &mut equations);
-    structure::substitute_algebraic(&mut model, &mut equations, &plan);
-    structure::substitute_derivatives(&mut model, &mut equations);
+    let plan = pass!(structure::plan_algebraic(&mut model, &mut equations));
+    pass!(structure::substitute_algebraic(&mut model, &mut equations, &plan));
+    pass!(structure::substitute_derivatives(&mut model, &mut equations));
     model.rows = structure::match_rows(&mut model, equations, &written, &plan, &rates)?;
     structure::refuse_singular_loops(&model)?;
     model.explicit = structure::is_explicit(&model);
+    if verify {
+        sound("match_rows", model.verify());
+    }
     structure::order_initial(&mut model)?;
     structure::identify_ports(&mut model);
+    if verify {
+        sound("identify_ports", model.verify());
+    }
     Ok((model, warnings))
+}
+
+/// Ends the program where a pass has broken an invariant: a fault of the compiler, found by tests.
+fn sound(pass: &str, verified: Result<(), Violation>) {
+    if let Err(violation) = verified {
+        panic!("the pass `{pass}` breaks an invariant of the model: {violation}");
+    }
 }
 
 /// Computations of the functions of a model.

@@ -1,9 +1,9 @@
 //! A checked model as text of other tools: JSON, C, Python modules for CasADi and JAX.
 //!
 //! [`Families`] names every number of a model in declaration order, and says where it is kept. Each
-//! target is a separate printer. They share the [`sheet`], the functions of a model with the arrays
-//! that they read and write. There are two ways to walk it: as loops ([`loops`]) and as operations
-//! on whole arrays ([`arrays`]). Nothing is scalarised.
+//! target is a printer and a line of the table of exporters. They share the [`sheet`], the
+//! functions of a model with the arrays that they read and write. There are two ways to walk it: as
+//! loops ([`loops`]) and as operations on whole arrays ([`arrays`]). Nothing is scalarised.
 
 mod arrays;
 mod c;
@@ -18,52 +18,78 @@ mod module;
 mod origin;
 mod python;
 mod sheet;
+mod spelling;
 
 use std::str::FromStr;
 
 use crate::compiled::CompiledModel;
 use crate::json;
+use crate::model::Model;
 
 pub use elements::{Element, Families, Nominal};
 pub use error::ExportError;
 pub use fmu::{Package, Settings};
 pub use origin::Origin;
 
-/// Target of an export.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+/// Printer of the files of a target, the main file first.
+type Print = fn(&Model, &Nominal<'_>, &Origin<'_>) -> Result<Vec<String>, ExportError>;
+
+/// Makes the targets of the table. A line has the name on the command line, the endings of the
+/// files, the printer, and whether the files keep the past of delays. The first ending is that of
+/// the main file.
+macro_rules! exporters {
+    ($($(#[$about:meta])* $target:ident: $name:literal, $endings:expr, $print:expr, $past:literal;)*) => {
+        /// Target of an export.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Target {
+            $($(#[$about])* $target,)*
+        }
+
+        impl Target {
+            /// All of them with their names.
+            pub const ALL: &[(&str, Target)] = &[$(($name, Target::$target)),*];
+
+            /// Endings of the files that it makes, the first that of the file that is asked for.
+            #[must_use]
+            pub fn endings(self) -> &'static [&'static str] {
+                match self {
+                    $(Target::$target => &$endings,)*
+                }
+            }
+
+            fn print(self) -> Print {
+                match self {
+                    $(Target::$target => $print,)*
+                }
+            }
+
+            fn keeps_past(self) -> bool {
+                match self {
+                    $(Target::$target => $past,)*
+                }
+            }
+        }
+    };
+}
+
+exporters! {
     /// A Python module that builds CasADi functions.
-    Casadi,
+    Casadi: "casadi", ["py"], |model, nominal, origin| Ok(vec![casadi::print(model, nominal, origin)?]), false;
     /// A Python module of pure functions for JAX.
-    Jax,
+    Jax: "jax", ["py"], |model, nominal, origin| Ok(vec![jax::print(model, nominal, origin)?]), false;
     /// C99 without dependencies: a source and its header.
-    C,
+    C: "c", ["c", "h"], c::print, false;
     /// The checked model as a tree, with a schema.
-    Json,
+    Json: "json", ["json"], |model, nominal, origin| Ok(vec![json::print(model, nominal, origin)?]), true;
     /// An archive for simulators, see [`package`].
-    Fmu,
+    Fmu: "fmu", ["fmu"], |_, _, _| Err(ExportError::Archive), false;
 }
 
 impl Target {
-    /// All of them with their names.
-    pub const ALL: [(&'static str, Target); 5] =
-        [("casadi", Target::Casadi), ("jax", Target::Jax), ("c", Target::C), ("json", Target::Json), ("fmu", Target::Fmu)];
-
     /// The name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, target)| *target == self).map_or("", |(name, _)| name)
-    }
-
-    /// Endings of the files that it makes, the first that of the file that is asked for.
-    #[must_use]
-    pub fn endings(self) -> &'static [&'static str] {
-        match self {
-            Target::Casadi | Target::Jax => &["py"],
-            Target::C => &["c", "h"],
-            Target::Json => &["json"],
-            Target::Fmu => &["fmu"],
-        }
     }
 }
 
@@ -93,13 +119,7 @@ pub struct File {
 /// See [`ExportError`].
 pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, target: Target) -> Result<Vec<File>, ExportError> {
     refuse_delays(model, target)?;
-    let texts = match target {
-        Target::Casadi => vec![casadi::print(model.model(), nominal, origin)?],
-        Target::Jax => vec![jax::print(model.model(), nominal, origin)?],
-        Target::C => c::print(model.model(), nominal, origin)?,
-        Target::Json => vec![json::print(model.model(), nominal, origin)?],
-        Target::Fmu => return Err(ExportError::Archive),
-    };
+    let texts = target.print()(model.model(), nominal, origin)?;
     Ok(target.endings().iter().zip(texts).map(|(ending, text)| File { ending, text }).collect())
 }
 
@@ -115,7 +135,7 @@ pub fn package(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>
 /// Refuses models with a past for targets that do not keep one.
 fn refuse_delays(model: &CompiledModel, target: Target) -> Result<(), ExportError> {
     match model.model().delays.first() {
-        Some(delay) if target != Target::Json => Err(ExportError::Delay { delay: delay.name.clone() }),
+        Some(delay) if !target.keeps_past() => Err(ExportError::Delay { delay: delay.name.clone() }),
         _ => Ok(()),
     }
 }

@@ -26,7 +26,7 @@ pub(crate) use affine::loops_of;
 pub use affine::{Affine, LoopVar, Loops, MAX_DEPTH};
 pub(crate) use build::Rewritten;
 pub use elementary::UnaryFn;
-pub(crate) use elementary::{Arithmetic, Defined, Slope, slope};
+pub(crate) use elementary::{Arithmetic, Slope, slope};
 pub use expr::{Expr, ExprId, Exprs, Flavour};
 pub(crate) use frames::Unframed;
 pub use function::{BinaryFn, Compare, ReduceFn};

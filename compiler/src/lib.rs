@@ -15,6 +15,8 @@
 //! 7. [`compiled`]: the result, with [`interpret`] for what runs rarely; [`export`] writes it for
 //!    other tools, [`json`] reads one of the forms back.
 //!
+//! [`verify`] checks the invariants of the flat model that each pass keeps.
+//!
 //! [`compile`] is the list of these passes.
 
 #![warn(unreachable_pub)]
@@ -42,3 +44,4 @@ pub mod read;
 pub mod schedule;
 pub(crate) mod structure;
 mod switches;
+pub mod verify;

@@ -24,7 +24,7 @@ fn library(path: &str) -> Option<(String, String)> {
 fn faults(source: &str) -> Vec<Diagnostic> {
     let mut sources = SourceMap::new();
     let main = sources.add("model.eq", source);
-    match flatten(&mut sources, main, &mut library, &Options::default()) {
+    match flatten(&mut sources, main, &mut library, &Options { verify: true, ..Options::default() }) {
         Ok((_, warnings)) => warnings,
         Err(faults) => faults,
     }

@@ -6,6 +6,7 @@
 
 mod asked;
 mod faults;
+mod layers;
 mod made;
 mod options;
 
@@ -23,6 +24,7 @@ use smpl_dsl::span::{FileId, Span};
 
 use self::asked::compile_options;
 use self::faults::{place_scenario_faults, settings_as_text};
+use self::layers::Layers;
 use self::made::{load_artefact, load_json};
 use self::options::finish;
 use crate::files::{self, plain};
@@ -189,12 +191,13 @@ pub fn load_open(path: &Path, text: String, options: &LoadOptions, open: OpenTex
     };
     let settings = settings_as_text(&mut sources, options);
     let extra = options.extra.as_ref().map(|text| sources.add("extra", text.clone()));
-    match compiled(&mut sources, main, extra, &scenario, (options, open)) {
+    let layers = [&scenario.parameters, &scenario.settings, &options.settings];
+    match compiled(&mut sources, main, extra, &scenario, (options, Layers(&layers), open)) {
         Ok(Compiled { model, warnings, imports }) => {
             let texts = [main].into_iter().chain(extra).chain(imports).filter_map(|id| Some(sources.file(id)?.text()));
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
             let circumstances = circumstances(&scenario, &sources, options);
-            let loaded = finish(model, sources, &scenario, &options.settings, options)?;
+            let loaded = finish(model, sources, &scenario, Layers(&layers), options)?;
             Ok(Loaded { warnings, fingerprint: print, circumstances, ..loaded })
         }
         Err(mut diagnostics) => {
@@ -223,10 +226,10 @@ fn compiled(
     main: FileId,
     extra: Option<FileId>,
     scenario: &Scenario,
-    (options, open): (&LoadOptions, OpenTexts<'_>),
+    (options, layers, open): (&LoadOptions, Layers<'_>, OpenTexts<'_>),
 ) -> Result<Compiled, Vec<Diagnostic>> {
     let folder = Path::new(sources.name(main)).parent().map(Path::to_owned).unwrap_or_default();
-    let asked = Options { extra, ..compile_options(sources, scenario, options)? };
+    let asked = Options { extra, ..compile_options(sources, scenario, layers, options)? };
     let settings = BackEndSettings { texts: options.texts, ..BackEndSettings::default() };
     compile(sources, main, &mut |path| import_open(&folder, path, open), &asked, &settings)
 }

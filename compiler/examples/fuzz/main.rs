@@ -1,6 +1,7 @@
 //! Changes models at random, by words and by bytes, and puts the result through the whole compiler: `fuzz --minutes 10` from the root of
 //! the repository. Whatever the text, the parser, the formatter and the front end must end in a result or in faults, soon and in bounded
-//! memory. A formatted text must stay unchanged by the formatter, and a model must become machine code whose residual can be evaluated.
+//! memory. A formatted text must stay unchanged by the formatter, every pass must keep the invariants of the model, and a model must
+//! become machine code whose residual can be evaluated.
 //!
 //! The texts that are changed are all models of the repository: files, code blocks of Markdown pages, and texts in the sources of tests.
 //! They are tried in a child process with limits of memory and of time, so that a fault ends that process and nothing else. What takes long,
@@ -46,8 +47,10 @@ fn survive(text: &str, folder: &Path) -> bool {
     let mut sources = SourceMap::new();
     let main = sources.add("model.eq", text);
     let mut loader = |name: &str| Some((name.to_owned(), std::fs::read_to_string(folder.join(name)).ok()?));
-    let Ok((model, _)) = flatten(&mut sources, main, &mut loader, &Options::default()) else { return false };
+    let options = Options { verify: true, ..Options::default() };
+    let Ok((model, _)) = flatten(&mut sources, main, &mut loader, &options) else { return false };
     let Ok(model) = CompiledModel::build(model, &BackEndSettings::default()) else { return true };
+    assert_eq!(model.model().verify(), Ok(()), "the back end breaks an invariant");
     let mut memory = model.memory();
     let n = model.unknowns();
     let (mut y, yp, mut out) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);

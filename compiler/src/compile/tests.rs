@@ -17,7 +17,8 @@ use crate::functions::Function;
 fn made(source: &str, pass: &str) -> String {
     let mut sources = SourceMap::new();
     let main = sources.add("model.eq", source);
-    let flat = flatten(&mut sources, main, &mut |_| None, &Options::default());
+    let options = Options { verify: true, ..Options::default() };
+    let flat = flatten(&mut sources, main, &mut |_| None, &options);
     let (mut model, _) = flat.unwrap_or_else(|faults| panic!("{faults:?}\n{source}"));
     match pass {
         "structure" => passes::structure(&model),

@@ -8,7 +8,7 @@ use smpl_dsl::syntax;
 use super::notes::Observer;
 
 /// Options of a compilation in addition to the text.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Variants that are on and options of choices: name and option (`true` for a variant).
     pub variants: Vec<(String, String)>,
@@ -16,6 +16,9 @@ pub struct Options {
     pub parameters: BTreeMap<String, f64>,
     /// Settings by name: a parameter, a choice, a grid size, or an entry of `episode` or `solver`.
     pub settings: BTreeMap<String, Setting>,
+    /// Layer of each setting, 0 where left out. Of a whole array and one of its elements, that of
+    /// the higher layer applies; in the same layer the element.
+    pub layers: BTreeMap<String, usize>,
     /// Replacements of initial values: `name -> text of an expression` from a scenario.
     pub initial: BTreeMap<String, f64>,
     /// Data that disturbances follow instead of their files, by their paths.
@@ -36,6 +39,31 @@ pub struct Options {
     pub lints: bool,
     /// Ends the elaboration early, and receives notes for editors.
     pub observer: Option<Observer>,
+    /// Check the invariants of the model after each pass; a violation panics. By default in builds
+    /// with debug assertions only.
+    pub verify: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            variants: Vec::new(),
+            parameters: BTreeMap::new(),
+            settings: BTreeMap::new(),
+            layers: BTreeMap::new(),
+            measured: BTreeMap::new(),
+            initial: BTreeMap::new(),
+            observation: None,
+            reward: None,
+            overlay: Vec::new(),
+            extra: None,
+            max_steps: None,
+            tests: None,
+            lints: false,
+            observer: None,
+            verify: cfg!(debug_assertions),
+        }
+    }
 }
 
 /// Value of a setting.

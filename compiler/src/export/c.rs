@@ -5,12 +5,14 @@ use std::fmt::Write as _;
 
 mod body;
 mod index;
+mod names;
 mod prepare;
 
 use body::Body;
 use index::Tables;
 pub(super) use index::number;
 pub(super) use index::wrapped;
+use names::spelling;
 
 use super::jacobian::{Pattern, jacobian};
 use super::sheet::{Function, Label, Nest, Sheet, is_dynamic};
@@ -153,7 +155,8 @@ impl File<'_> {
             bodies += &definition(&self.head(function), arguments(function), &text);
         }
         let mut text = format!("/* See {stem}.h. */\n#include \"{stem}.h\"\n\n#include <math.h>\n#include <stddef.h>\n\n");
-        let elementary = UnaryFn::ALL.iter().map(|f| f.spelling()).map(|own| (own.word, own.defined.c));
+        // Names of functions of the export's own begin with `_`, after its prefix.
+        let elementary = UnaryFn::ALL.iter().map(|&f| (spelling(f).name.trim_start_matches('_'), spelling(f).definition));
         for (name, helper) in elementary.chain(HELPERS) {
             let called = format!("{prefix}_{name}(");
             if bodies.contains(&called) {

@@ -3,8 +3,10 @@
 use std::fmt::Write as _;
 
 use super::module::{Module, string};
-use super::python::{Library, defined};
+use super::python::Library;
+use super::spelling::{Spelling, definitions};
 use super::{ExportError, Nominal, Origin};
+use crate::ir::UnaryFn;
 use crate::model::Model;
 
 /// Models whose functions compute fewer numbers are built of scalars: these run faster than
@@ -13,13 +15,13 @@ const LARGEST_OF_SCALARS: usize = 6000;
 
 /// The text of the module.
 pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
-    let module = Module::new(model, nominal, Library::Casadi)?;
+    let module = Module::new(model, nominal, (Library::Casadi, spelling))?;
     let kind = if module.size <= LARGEST_OF_SCALARS { "SX" } else { "MX" };
     let mut text = module.head(origin, ABOUT, "import casadi as ca");
     let _ = writeln!(text, "# Default kind of the symbols of the functions.\nKIND = \"{kind}\"\n");
     text += &module.lists.print(str::to_owned);
     text += HELPERS;
-    text += &defined(|own| own.casadi);
+    text += &definitions(spelling);
     text += "\n";
     text += &module.text;
     text += "\n# Name of each function: what builds it, its arguments, what it gives.\n_FUNCTIONS = {\n";
@@ -30,6 +32,49 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     }
     Ok(text + "}\n" + BUILD)
 }
+
+/// Names in CasADi.
+fn spelling(f: UnaryFn) -> Spelling {
+    let name = match f {
+        UnaryFn::Neg => "-",
+        UnaryFn::Abs => "_abs",
+        UnaryFn::Sign => "_sign",
+        UnaryFn::Sqrt => "ca.sqrt",
+        UnaryFn::Exp => "ca.exp",
+        UnaryFn::Ln => "ca.log",
+        UnaryFn::Log10 => "ca.log10",
+        UnaryFn::Sin => "ca.sin",
+        UnaryFn::Cos => "ca.cos",
+        UnaryFn::Tan => "ca.tan",
+        UnaryFn::Asin => "ca.asin",
+        UnaryFn::Acos => "ca.acos",
+        UnaryFn::Atan => "ca.atan",
+        UnaryFn::Sinh => "ca.sinh",
+        UnaryFn::Cosh => "ca.cosh",
+        UnaryFn::Tanh => "ca.tanh",
+        UnaryFn::Floor => "ca.floor",
+        UnaryFn::Ceil => "ca.ceil",
+        UnaryFn::Round => return Spelling { name: "_round", definition: ROUND },
+        UnaryFn::Single => return Spelling { name: "_single", definition: SINGLE },
+        UnaryFn::Smooth => "",
+    };
+    Spelling::known(name)
+}
+
+const ROUND: &str = r#"
+def _round(a):
+    """To the nearest integer, ties to even."""
+    low = ca.floor(a)
+    up = ca.logic_or(a - low > 0.5, ca.logic_and(a - low == 0.5, low / 2.0 != ca.floor(low / 2.0)))
+    return low + up
+"#;
+
+const SINGLE: &str = r#"
+def _single(a):
+    """To the nearest number of single precision, by Veltkamp's splitting."""
+    big = 536870913.0 * a
+    return big - (big - a)
+"#;
 
 const ABOUT: &str =
     "`build()` makes the functions: of column vectors x (states), z (algebraic variables), u (actions), p (parameters, discrete

@@ -3,18 +3,20 @@
 use std::fmt::Write as _;
 
 use super::module::{Module, string};
-use super::python::{Library, defined};
+use super::python::Library;
+use super::spelling::{Spelling, definitions};
 use super::{ExportError, Nominal, Origin};
+use crate::ir::UnaryFn;
 use crate::model::Model;
 
 /// The text of the module.
 pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -> Result<String, ExportError> {
-    let module = Module::new(model, nominal, Library::Jax)?;
+    let module = Module::new(model, nominal, (Library::Jax, spelling))?;
     let mut text = module.head(origin, ABOUT, "import jax.numpy as jnp\nimport numpy as np");
     text += "\n";
     text += &module.lists.print(|list| format!("np.array({list})"));
     text += HELPERS;
-    text += &defined(|own| own.jax);
+    text += &definitions(spelling);
     text += ALIASES;
     text += &module.text;
     text += "\n# Functions by name.\nFUNCTIONS = {\n";
@@ -27,6 +29,39 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     }
     Ok(text)
 }
+
+/// Names in `jax.numpy`.
+fn spelling(f: UnaryFn) -> Spelling {
+    let name = match f {
+        UnaryFn::Neg => "-",
+        UnaryFn::Abs => "_abs",
+        UnaryFn::Sign => "_sign",
+        UnaryFn::Sqrt => "jnp.sqrt",
+        UnaryFn::Exp => "jnp.exp",
+        UnaryFn::Ln => "jnp.log",
+        UnaryFn::Log10 => "jnp.log10",
+        UnaryFn::Sin => "jnp.sin",
+        UnaryFn::Cos => "jnp.cos",
+        UnaryFn::Tan => "jnp.tan",
+        UnaryFn::Asin => "jnp.arcsin",
+        UnaryFn::Acos => "jnp.arccos",
+        UnaryFn::Atan => "jnp.arctan",
+        UnaryFn::Sinh => "jnp.sinh",
+        UnaryFn::Cosh => "jnp.cosh",
+        UnaryFn::Tanh => "jnp.tanh",
+        UnaryFn::Floor => "jnp.floor",
+        UnaryFn::Ceil => "jnp.ceil",
+        UnaryFn::Round => "_round",
+        UnaryFn::Single => return Spelling { name: "_single", definition: SINGLE },
+        UnaryFn::Smooth => "",
+    };
+    Spelling::known(name)
+}
+
+const SINGLE: &str = "
+def _single(a):
+    return jnp.asarray(a, dtype=jnp.float32).astype(jnp.asarray(a).dtype)
+";
 
 const ABOUT: &str =
     "Pure functions of time t and of vectors x (states), z (algebraic variables), u (actions), p (parameters, discrete variables,

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::arrays::{Arrays, Op};
 use super::python::{Body, Library, Lists};
 use super::sheet::{Array, Function, Label, Sheet, is_dynamic};
+use super::spelling::Spellings;
 use super::{Element, ExportError, Nominal, Origin, functions};
 use crate::model::Model;
 
@@ -12,6 +13,7 @@ use crate::model::Model;
 pub(super) struct Module {
     pub sheet: Sheet,
     pub library: Library,
+    spellings: Spellings,
     /// Index lists of all functions.
     pub lists: Lists,
     /// Definitions of the functions.
@@ -35,14 +37,14 @@ pub(super) struct Made {
 
 impl Module {
     /// The functions of a model in Python.
-    pub(super) fn new(model: &Model, nominal: &Nominal<'_>, library: Library) -> Result<Module, ExportError> {
+    pub(super) fn new(model: &Model, nominal: &Nominal<'_>, (library, spellings): (Library, Spellings)) -> Result<Module, ExportError> {
         let mut sheet = functions::sheet(model, nominal)?;
         let mut list = sheet.functions.clone();
         if library == Library::Casadi {
             list.extend(single_rewards(&mut sheet));
         }
         let timed = library == Library::Casadi && list.iter().any(|f| sheet.uses_time(f));
-        let mut module = Module { sheet, library, lists: Lists::default(), text: String::new(), made: vec![], size: 0, timed };
+        let mut module = Module { sheet, library, spellings, lists: Lists::default(), text: String::new(), made: vec![], size: 0, timed };
         for function in &list {
             module.define(function)?;
         }
@@ -57,7 +59,7 @@ impl Module {
         let _ = writeln!(self.text, "    \"\"\"{}.\"\"\"", docstring(&capital(&function.text)));
         self.text += &self.prologue(function, &arrays, &arguments)?;
         let length = (!function.update).then_some(function.outputs.len());
-        self.text += &Body::new(self.library, &arrays, &mut self.lists).print(length);
+        self.text += &Body::new((self.library, self.spellings), &arrays, &mut self.lists).print(length);
         let states = self.sheet.states();
         let result = if function.update { format!("y[:{states}], y[{states}:], p") } else { "out".to_owned() };
         let _ = writeln!(self.text, "    return {result}\n");

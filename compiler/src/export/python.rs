@@ -6,7 +6,8 @@ use std::rc::Rc;
 use super::arrays::{Arrays, Id, Op, Step, loops};
 use super::functions::spread;
 use super::sheet::{Array, Extents, Loops};
-use crate::ir::{BinaryFn, Compare, Defined, FastMap, MAX_DEPTH, ReduceFn, UnaryFn};
+use super::spelling::Spellings;
+use crate::ir::{BinaryFn, Compare, FastMap, MAX_DEPTH, ReduceFn};
 use crate::schedule::row_major;
 
 /// The library that the text is for.
@@ -84,6 +85,7 @@ struct Pieces {
 /// The statements of a function; an output is called `out`.
 pub(super) struct Body<'a> {
     library: Library,
+    spellings: Spellings,
     arrays: &'a Arrays,
     lists: &'a mut Lists,
     text: String,
@@ -95,12 +97,12 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Body<'a> {
-    pub(super) fn new(library: Library, arrays: &'a Arrays, lists: &'a mut Lists) -> Self {
+    pub(super) fn new((library, spellings): (Library, Spellings), arrays: &'a Arrays, lists: &'a mut Lists) -> Self {
         let reduced = |op: &Op| if let Op::Reduce { depth, .. } = op { *depth as usize + 1 } else { 0 };
         let deepest = |v: &super::arrays::Value| (0..MAX_DEPTH).rev().find(|&d| v.axes[d] > 0).map_or(0, |d| d + 1).max(reduced(&v.op));
         let rank = arrays.values.iter().map(deepest).max().unwrap_or(0);
         let names = vec![String::new(); arrays.values.len()];
-        Body { library, arrays, lists, text: String::new(), names, spreads: FastMap::default(), rank, pieces: Pieces::default() }
+        Body { library, spellings, arrays, lists, text: String::new(), names, spreads: FastMap::default(), rank, pieces: Pieces::default() }
     }
 
     /// The statements; `length` is that of the output, `None` for updates.
@@ -140,7 +142,7 @@ impl<'a> Body<'a> {
             }
             Op::Counter(d) => self.counter(*d, axes[*d as usize]),
             Op::Load { array, loops, positions } => self.load(*array, loops, positions, &axes),
-            Op::Unary(f, a) => unary(self.library, *f, &o(self, *a)),
+            Op::Unary(f, a) => (self.spellings)(*f).applied(&o(self, *a)),
             Op::Binary(f, a, b) => binary(self.library, *f, &o(self, *a), &o(self, *b)),
             Op::PowInt(a, n) => format!("{} ** {n}", o(self, *a)),
             Op::Passed(limits, up_to, a) => {
@@ -357,25 +359,6 @@ fn number(x: f64) -> String {
         format!("({x:?})")
     } else {
         format!("{x:?}")
-    }
-}
-
-/// Definitions of elementary functions that a language has not.
-pub(super) fn defined(language: impl Fn(Defined) -> &'static str) -> String {
-    let texts = UnaryFn::ALL.iter().map(|f| language(f.spelling().defined));
-    texts.filter(|text| !text.is_empty()).map(|text| format!("\n{text}")).collect()
-}
-
-fn unary(library: Library, f: UnaryFn, a: &str) -> String {
-    let (module, name) = match library {
-        Library::Casadi => ("ca", f.spelling().casadi),
-        Library::Jax => ("jnp", f.spelling().jax),
-    };
-    match f {
-        UnaryFn::Neg => format!("-{a}"),
-        // A function of the module's own text, or none.
-        _ if name.is_empty() || name.starts_with('_') => format!("{name}({a})"),
-        _ => format!("{module}.{name}({a})"),
     }
 }
 

@@ -1,56 +1,15 @@
-//! The elementary functions, those of one number: one table of their kernels, their names in other
-//! languages, and the rules of their derivatives.
+//! The elementary functions, those of one number: one table of names and kernels, and the rules of
+//! their derivatives. Each exporter has a table of their names in its language.
 
 use serde::{Deserialize, Serialize};
 
 use super::function::BinaryFn;
 use crate::kernels::{self, Kernel};
 
-/// Names of a function of one number in JSON and in the languages of exports. A name that begins
-/// with `_` is that of a function that the export defines itself.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Spelling {
-    /// In the form of a model as JSON.
-    pub word: &'static str,
-    /// In C99.
-    pub c: &'static str,
-    /// In CasADi.
-    pub casadi: &'static str,
-    /// In `jax.numpy`.
-    pub jax: &'static str,
-    /// Definitions of those that begin with `_`, where nothing else in the export defines them.
-    pub defined: Defined,
-}
-
-/// Definitions of a function for exports; empty where a language has it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Defined {
-    /// In C99, where `NAME` is the prefix of the export.
-    pub c: &'static str,
-    /// In CasADi, by functions of the module `ca`.
-    pub casadi: &'static str,
-    /// In JAX, by functions of the module `jnp`.
-    pub jax: &'static str,
-}
-
-impl Spelling {
-    /// The same name everywhere.
-    const fn plain(name: &'static str) -> Self {
-        Self { word: name, c: name, casadi: name, jax: name, defined: NOTHING }
-    }
-
-    /// The name, and that of functions which the exports define themselves.
-    const fn own(word: &'static str, own: &'static str, defined: Defined) -> Self {
-        Self { word, c: own, casadi: own, jax: own, defined }
-    }
-}
-
-const NOTHING: Defined = Defined { c: "", casadi: "", jax: "" };
-
-/// Makes the functions of the table: what works each out (nothing for those that are single machine
-/// instructions), and its names.
+/// Makes the functions of the table: the name of each in JSON, and its kernel (none for those that
+/// are single machine instructions).
 macro_rules! elementary {
-    ($($(#[$about:meta])* $name:ident: $kernel:expr, $spelling:expr;)*) => {
+    ($($(#[$about:meta])* $name:ident $word:literal: $kernel:expr;)*) => {
         /// Functions of one number.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
         #[allow(missing_docs, reason = "the names say it")]
@@ -62,10 +21,10 @@ macro_rules! elementary {
             /// All of them.
             pub(crate) const ALL: &[UnaryFn] = &[$(UnaryFn::$name),*];
 
-            /// Name.
-            pub(crate) fn spelling(self) -> Spelling {
+            /// Name in JSON.
+            pub(crate) fn word(self) -> &'static str {
                 match self {
-                    $(UnaryFn::$name => $spelling,)*
+                    $(UnaryFn::$name => $word,)*
                 }
             }
 
@@ -81,70 +40,32 @@ macro_rules! elementary {
 }
 
 elementary! {
-    Neg: None, Spelling::own("negate", "_negate", NOTHING);
-    Abs: None, Spelling { c: "fabs", ..Spelling::own("abs", "_abs", NOTHING) };
+    Neg "negate": None;
+    Abs "abs": None;
     /// -1, 0 or 1
-    Sign: Some(Kernel::Sign), Spelling::own("sign", "_sign", SIGN);
-    Sqrt: None, Spelling::plain("sqrt");
-    Exp: Some(Kernel::Exp), Spelling::plain("exp");
-    Ln: Some(Kernel::Ln), Spelling { word: "ln", ..Spelling::plain("log") };
-    Log10: Some(Kernel::Log10), Spelling::plain("log10");
-    Sin: Some(Kernel::Sin), Spelling::plain("sin");
-    Cos: Some(Kernel::Cos), Spelling::plain("cos");
-    Tan: Some(Kernel::Tan), Spelling::plain("tan");
-    Asin: Some(Kernel::Asin), Spelling { jax: "arcsin", ..Spelling::plain("asin") };
-    Acos: Some(Kernel::Acos), Spelling { jax: "arccos", ..Spelling::plain("acos") };
-    Atan: Some(Kernel::Atan), Spelling { jax: "arctan", ..Spelling::plain("atan") };
-    Sinh: Some(Kernel::Sinh), Spelling::plain("sinh");
-    Cosh: Some(Kernel::Cosh), Spelling::plain("cosh");
-    Tanh: Some(Kernel::Tanh), Spelling::plain("tanh");
-    Floor: Some(Kernel::Floor), Spelling::plain("floor");
-    Ceil: Some(Kernel::Ceil), Spelling::plain("ceil");
+    Sign "sign": Some(Kernel::Sign);
+    Sqrt "sqrt": None;
+    Exp "exp": Some(Kernel::Exp);
+    Ln "ln": Some(Kernel::Ln);
+    Log10 "log10": Some(Kernel::Log10);
+    Sin "sin": Some(Kernel::Sin);
+    Cos "cos": Some(Kernel::Cos);
+    Tan "tan": Some(Kernel::Tan);
+    Asin "asin": Some(Kernel::Asin);
+    Acos "acos": Some(Kernel::Acos);
+    Atan "atan": Some(Kernel::Atan);
+    Sinh "sinh": Some(Kernel::Sinh);
+    Cosh "cosh": Some(Kernel::Cosh);
+    Tanh "tanh": Some(Kernel::Tanh);
+    Floor "floor": Some(Kernel::Floor);
+    Ceil "ceil": Some(Kernel::Ceil);
     /// To the nearest integer, ties to even.
-    Round: Some(Kernel::Round), Spelling { c: "rint", ..Spelling::own("round", "_round", ROUND) };
+    Round "round": Some(Kernel::Round);
     /// To the nearest number of single precision.
-    Single: Some(Kernel::Single), Spelling::own("single", "_single", SINGLE);
-    /// The same number, whose switches the integrator leaves to its error test. Other languages
-    /// write nothing.
-    Smooth: None, Spelling { word: "smooth", c: "", casadi: "", jax: "", defined: NOTHING };
+    Single "single": Some(Kernel::Single);
+    /// The same number, whose switches the integrator leaves to its error test.
+    Smooth "smooth": None;
 }
-
-const SIGN: Defined = Defined {
-    c: "static double NAME_sign(double x)
-{
-    return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x;
-}
-
-",
-    // One that can be smooth, and an alias, are next to the others of their kind.
-    ..NOTHING
-};
-
-const ROUND: Defined = Defined {
-    casadi: r#"
-def _round(a):
-    """To the nearest integer, ties to even."""
-    low = ca.floor(a)
-    up = ca.logic_or(a - low > 0.5, ca.logic_and(a - low == 0.5, low / 2.0 != ca.floor(low / 2.0)))
-    return low + up
-"#,
-    ..NOTHING
-};
-
-const SINGLE: Defined = Defined {
-    // In C a conversion there and back.
-    c: "",
-    casadi: r#"
-def _single(a):
-    """To the nearest number of single precision, by Veltkamp's splitting."""
-    big = 536870913.0 * a
-    return big - (big - a)
-"#,
-    jax: "
-def _single(a):
-    return jnp.asarray(a, dtype=jnp.float32).astype(jnp.asarray(a).dtype)
-",
-};
 
 impl UnaryFn {
     /// The function's value.

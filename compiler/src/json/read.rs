@@ -63,6 +63,7 @@ pub fn read(text: &str) -> Result<Read, ReadError> {
         return Err(root.field("explicit")?.fault("the equations say otherwise"));
     }
     check_elements(&root.field("elements")?, &model)?;
+    model.verify().map_err(|violation| ReadError::Place { path: violation.place, message: violation.message })?;
     let circumstances = made_for(&root.field("made_for")?)?;
     Ok(Read { model, circumstances })
 }

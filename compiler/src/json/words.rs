@@ -82,7 +82,7 @@ impl Word for UnaryFn {
     const ALL: &'static [UnaryFn] = UnaryFn::ALL;
 
     fn word(self) -> &'static str {
-        self.spelling().word
+        UnaryFn::word(self)
     }
 }
 

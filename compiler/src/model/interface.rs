@@ -161,6 +161,20 @@ impl Quantities {
         }
         self.states.push(state);
     }
+
+    /// The families of quantities with their names.
+    #[must_use]
+    pub fn families(&self) -> [(&'static str, &[Quantity]); 7] {
+        [
+            ("states", &self.states),
+            ("solved", &self.solved),
+            ("outputs", &self.algebraics),
+            ("discretes", &self.discretes),
+            ("actions", &self.actions),
+            ("disturbances", &self.disturbances),
+            ("parameters", &self.parameters),
+        ]
+    }
 }
 
 /// Numbers of elements of algebraic variables.

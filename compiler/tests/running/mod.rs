@@ -18,7 +18,7 @@ pub struct Running {
 
 /// The flat model of a text.
 pub fn flat(source: &str) -> Model {
-    flat_with(source, &Options::default())
+    flat_with(source, &Options { verify: true, ..Options::default() })
 }
 
 /// The flat model of a text with variants and settings.

@@ -6,10 +6,16 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Ident, Statement, StatementKind, TimeTableKind};
 
 use super::LoadOptions;
+use super::layers::Layers;
 use crate::scenario::{Disturbances, Recorded, Scenario, Value, shortened};
 
 /// Options of scenario and call for the front end; later ones override earlier ones.
-pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, options: &LoadOptions) -> Result<Options, Vec<Diagnostic>> {
+pub(super) fn compile_options(
+    sources: &mut SourceMap,
+    scenario: &Scenario,
+    layers: Layers<'_>,
+    options: &LoadOptions,
+) -> Result<Options, Vec<Diagnostic>> {
     let mut out = Options { observation: options.observation.clone().or_else(|| scenario.observation.clone()), ..Options::default() };
     out.reward = options.reward.clone().or_else(|| scenario.reward.clone());
     out.max_steps = scenario.max_steps;
@@ -19,13 +25,9 @@ pub(super) fn compile_options(sources: &mut SourceMap, scenario: &Scenario, opti
     for (name, cells) in &scenario.grid {
         out.settings.insert(name.clone(), Setting::Number(f64::from(*cells)));
     }
-    for layer in [&scenario.parameters, &scenario.settings, &options.settings] {
-        // A later whole array hides the elements of an earlier layer.
-        let element = |known: &str| known.split_once('[').is_some_and(|(array, _)| layer.contains_key(array));
-        out.settings.retain(|known, _| !element(known));
-        for (name, value) in layer {
-            out.settings.insert(name.clone(), setting(name, value)?);
-        }
+    for (name, (layer, value)) in layers.names() {
+        out.settings.insert(name.to_owned(), setting(name, value)?);
+        out.layers.insert(name.to_owned(), layer);
     }
     for (name, value) in &scenario.initial {
         match value.number() {

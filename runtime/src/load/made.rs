@@ -1,6 +1,5 @@
 //! Models that were made before: compiled ones (`.smplc`) and checked ones (`.json`).
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use smpl_compiler::artefact::{self, Circumstances, Header};
@@ -11,6 +10,7 @@ use smpl_compiler::read::read_sources;
 use smpl_dsl::diagnostic::SourceMap;
 use smpl_dsl::span::FileId;
 
+use super::layers::Layers;
 use super::options::finish;
 use super::{LoadError, LoadOptions, Loaded, fingerprint, import};
 use crate::catalogue::{self, Family};
@@ -94,9 +94,9 @@ fn made(path: &Path, model: CompiledModel, made_for: &Circumstances, options: &L
             return Err(LoadError::Setting { message: unknown_setting(&model, &parameters, name) });
         }
     }
-    let mut settings: BTreeMap<String, Value> = made_for.settings.iter().map(|(name, value)| (name.clone(), Value::parse(value))).collect();
-    settings.extend(options.settings.clone());
-    finish(model, sources, &scenario, &settings, options)
+    let settings = made_for.settings.iter().map(|(name, value)| (name.clone(), Value::parse(value))).collect();
+    let layers = [&scenario.parameters, &scenario.settings, &settings, &options.settings];
+    finish(model, sources, &scenario, Layers(&layers), options)
 }
 
 /// A compiled model runs under what it was compiled for, which has to be named again.

@@ -7,10 +7,11 @@ use smpl_compiler::artefact::Circumstances;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 
+use super::layers::Layers;
 use super::{LoadError, LoadOptions, Loaded};
 use crate::catalogue;
 use crate::failure::beyond;
-use crate::scenario::{Disturbances, Noise, Recorded, Scenario, Value};
+use crate::scenario::{Disturbances, Noise, Recorded, Scenario};
 use crate::setup::EnvironmentOptions;
 
 /// Options of the environments: what of scenario and settings is not in the compiled model.
@@ -18,7 +19,7 @@ pub(super) fn finish(
     model: CompiledModel,
     sources: SourceMap,
     scenario: &Scenario,
-    settings: &BTreeMap<String, Value>,
+    layers: Layers<'_>,
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
     let faults: Vec<Diagnostic> =
@@ -30,7 +31,7 @@ pub(super) fn finish(
         reward: options.reward.clone().or_else(|| scenario.reward.clone()),
         max_steps: scenario.max_steps,
         solver: scenario.solver.clone(),
-        parameters: given_parameters(&model, [&scenario.parameters, &scenario.settings, settings])?,
+        parameters: layers.parameters(&model)?,
         ..EnvironmentOptions::default()
     };
     environment.disturbances = recorded(scenario, &model);
@@ -49,26 +50,6 @@ pub(super) fn finish(
         fingerprint: [0; 32],
         circumstances: Circumstances::default(),
     })
-}
-
-/// Values of parameters, element by element; later layers win.
-fn given_parameters(model: &CompiledModel, layers: [&BTreeMap<String, Value>; 3]) -> Result<BTreeMap<String, f64>, LoadError> {
-    let parameters = catalogue::parameters(model);
-    let mut given = BTreeMap::new();
-    for (name, value) in layers.into_iter().flatten() {
-        let elements = catalogue::elements_of(model, &parameters, name);
-        let wrong = |expected: String| LoadError::Setting { message: format!("parameter `{name}` must be {expected}, not `{value}`") };
-        match (elements, value) {
-            ([], _) => {}
-            (elements, Value::Number(x)) => given.extend(elements.iter().map(|e| (e.name.clone(), *x))),
-            (elements, Value::List(list)) if list.len() == elements.len() => {
-                given.extend(elements.iter().zip(list).map(|(e, x)| (e.name.clone(), *x)));
-            }
-            (elements, Value::List(_)) => return Err(wrong(format!("a list of {}", elements.len()))),
-            ([element, ..], _) => return Err(wrong(format!("a number (in {})", element.unit))),
-        }
-    }
-    Ok(given)
 }
 
 /// Names of noise and disturbances that the model does not have, at their places.

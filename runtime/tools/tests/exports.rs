@@ -535,7 +535,7 @@ fn context_has_its_units() {
 fn the_same_model_gives_the_same_text() {
     let loaded = load(&models().join("pensim.eq"), &LoadOptions::default()).expect("a model");
     // An FMU is not a text: fmus.rs tests it.
-    for (_, target) in Target::ALL.into_iter().filter(|(_, target)| *target != Target::Fmu) {
+    for (_, target) in Target::ALL.iter().copied().filter(|(_, target)| *target != Target::Fmu) {
         let texts = || export(&loaded, target, None).expect("an export").into_iter().map(|file| file.text).collect::<Vec<_>>();
         assert_eq!(texts(), texts(), "{}", target.name());
     }

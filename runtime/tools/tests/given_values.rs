@@ -187,3 +187,37 @@ fn the_last_row_after_a_failure_of_the_solver_has_the_time_of_its_state() {
     assert_eq!((rows.len(), rows[3][0]), (4, "2"), "{shown}");
     assert_eq!(rows[3][1..], rows[2][1..], "{shown}");
 }
+
+#[test]
+fn the_later_of_an_array_and_its_elements_applies_in_results_and_exports() {
+    let model = "time t : s\nparam k[i in 1..3] named \"k{}\" : 1/s = 1\nstate x = 1 in 0..1000\neq d/dt x = sum(k[i] for i in 1..3)\n\
+                 observe x\nreward r default = x\nepisode { step = 1 [s], max_steps = 1 }\n";
+    let folder = Folder::new("layers", model);
+    // x after 1 s is 1 plus the sum of the parameters.
+    let end = |file: &str, more: &[&str]| {
+        let output = folder.smpl(&[&["simulate", file, "--out", "o.csv"], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let table = std::fs::read_to_string(folder.0.join("o.csv")).expect("a table");
+        let last = table.lines().last().expect("a row").split(',').nth(2).map(str::parse::<f64>);
+        last.expect("a cell").expect("a number").round()
+    };
+    let defaults = |more: &[&str]| {
+        let output = stdout(&folder.smpl(&[&["export", "m.eq", "--to", "json"], more].concat()));
+        let json: serde_json::Value = serde_json::from_str(&output).expect("JSON");
+        json["quantities"]["parameters"][0]["default"].to_string()
+    };
+    folder.file("element.yaml", "parameters: {k2: 50}\n");
+    folder.file("array.yaml", "parameters: {k: [7, 8, 9]}\n");
+    folder.file("both.yaml", "parameters: {k2: 50, k: [7, 8, 9]}\n");
+    for (scenario, set, expected, values) in [
+        ("element.yaml", "k=[7, 8, 9]", 25.0, "[7.0,8.0,9.0]"),
+        ("element.yaml", "k=2", 7.0, "[2.0]"),
+        ("array.yaml", "k2=50", 67.0, "[7.0,50.0,9.0]"),
+        ("both.yaml", "k3=10", 68.0, "[7.0,50.0,10.0]"),
+    ] {
+        let asked = ["--scenario", scenario, "--set", set];
+        assert_eq!((end("m.eq", &asked), defaults(&asked).as_str()), (expected, values), "{scenario} {set}");
+    }
+    folder.file("made.json", stdout(&folder.smpl(&["export", "m.eq", "--to", "json", "--set", "k2=50"])));
+    assert_eq!(end("made.json", &["--set", "k=[7, 8, 9]"]), 25.0);
+}

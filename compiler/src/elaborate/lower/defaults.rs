@@ -207,16 +207,21 @@ pub(in crate::elaborate) fn set_from_outside(l: &mut Lowering<'_, '_>, symbol: S
         set.push((None, *x));
     }
     let is_whole = !set.is_empty();
+    let layer = |name: &str| options.layers.get(name).copied().unwrap_or_default();
     let numbers = options.settings.iter().filter_map(|(name, value)| match value {
         Setting::Number(x) => Some((name, *x)),
         _ => None,
     });
+    let mut elements: Vec<(usize, i64, f64)> = Vec::new();
     for (name, x) in numbers.chain(options.parameters.iter().map(|(name, x)| (name, *x))) {
         if let Some(at) = l.symbols.element_named(symbol, name) {
             l.constants.taken.insert(name.clone());
-            set.push((Some(at), x));
+            elements.push((layer(name), at, x));
         }
     }
+    elements.retain(|&(own, ..)| !is_whole || own >= layer(&path));
+    elements.sort_by_key(|&(own, ..)| own);
+    set.extend(elements.into_iter().map(|(_, at, x)| (Some(at), x)));
     (is_whole, set)
 }
 

@@ -8,6 +8,7 @@
 use std::fmt::Write as _;
 
 use super::index::{Tables, number, subscript};
+use super::names::spelling;
 use crate::export::ExportError;
 use crate::export::functions::extents;
 use crate::export::sheet::{Array, Extents, Function, Loops, Nest, Sheet, Store};
@@ -290,14 +291,9 @@ impl<'s> Body<'s> {
 }
 
 fn unary(f: UnaryFn, a: &str, prefix: &str) -> String {
-    match f {
-        UnaryFn::Neg => format!("-{a}"),
-        UnaryFn::Single => format!("(double)(float){a}"),
-        _ => match f.spelling().c {
-            own if own.starts_with('_') => format!("{prefix}{own}({a})"),
-            name => format!("{name}({a})"),
-        },
-    }
+    let spelling = spelling(f);
+    let prefix = if spelling.name.starts_with('_') { prefix } else { "" };
+    format!("{prefix}{}", spelling.applied(a))
 }
 
 /// The vector of an array.
