@@ -31,7 +31,9 @@ HOMONYMS = {
     "Run": 5,
     "Source": 5,
     "Target": 5,
+    "Writer": 5,
     "Body": 4,
+    "Bounds": 4,
     "Columns": 4,
     "Element": 4,
     "End": 4,
@@ -54,7 +56,6 @@ HOMONYMS = {
     "Symbol": 4,
     "Term": 4,
     "Terms": 4,
-    "Writer": 4,
 }
 
 
