@@ -47,7 +47,7 @@ pub(super) fn find(model: &Model, residual: ExprId) -> Option<Jump> {
         return None;
     }
     let exprs = model.exprs.clone();
-    let mut search = Search { model, exprs };
+    let mut search = JumpSearch { model, exprs };
     // The sum of a loop jumps if its terms do.
     let reductions: Vec<ExprId> = search.exprs.below([residual]).filter(|&e| matches!(search.exprs.node(e), Expr::Reduce { .. })).collect();
     let bodies = reductions.iter().filter_map(|&e| if let Expr::Reduce { body, .. } = search.exprs.node(e) { Some(body) } else { None });
@@ -63,12 +63,12 @@ fn is_switch(exprs: &Exprs, e: ExprId) -> bool {
     }
 }
 
-struct Search<'m> {
+struct JumpSearch<'m> {
     model: &'m Model,
     exprs: Exprs,
 }
 
-impl Search<'_> {
+impl JumpSearch<'_> {
     /// A jump at a switch that reads no counter of a loop inside of the expression.
     fn jump_below(&mut self, root: ExprId) -> Option<Jump> {
         let below: Vec<ExprId> = self.exprs.below([root]).collect();
