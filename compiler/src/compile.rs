@@ -103,7 +103,7 @@ fn front_end(sources: &mut SourceMap, main: FileId, loader: &mut Loader, options
         Ok(elaborated) => elaborated,
         Err(faults) => return Err(independent(sources, texts.faults, faults)),
     };
-    let (mut model, mut warnings) = determine(elaborated, options.verify).map_err(|mut faults| {
+    let (mut model, mut warnings) = determine(elaborated, options.verify || cfg!(debug_assertions)).map_err(|mut faults| {
         elaborate::show_derivatives(&texts.files, sources, &mut faults);
         faults
     })?;

@@ -8,7 +8,7 @@ use smpl_dsl::syntax;
 use super::notes::Observer;
 
 /// Options of a compilation in addition to the text.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Variants that are on and options of choices: name and option (`true` for a variant).
     pub variants: Vec<(String, String)>,
@@ -39,31 +39,9 @@ pub struct Options {
     pub lints: bool,
     /// Ends the elaboration early, and receives notes for editors.
     pub observer: Option<Observer>,
-    /// Check the invariants of the model after each pass; a violation panics. By default in builds
-    /// with debug assertions only.
+    /// Check the invariants of the model after each pass; a violation panics. Builds with debug
+    /// assertions always do.
     pub verify: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            variants: Vec::new(),
-            parameters: BTreeMap::new(),
-            settings: BTreeMap::new(),
-            layers: BTreeMap::new(),
-            measured: BTreeMap::new(),
-            initial: BTreeMap::new(),
-            observation: None,
-            reward: None,
-            overlay: Vec::new(),
-            extra: None,
-            max_steps: None,
-            tests: None,
-            lints: false,
-            observer: None,
-            verify: cfg!(debug_assertions),
-        }
-    }
 }
 
 /// Value of a setting.
