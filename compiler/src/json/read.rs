@@ -276,8 +276,8 @@ fn delay(at: &At<'_>) -> Result<Delay, ReadError> {
         (f64::INFINITY, f64::INFINITY)
     } else {
         match bounds.list(|at| at.number_or(f64::NAN))?[..] {
-            [low, high] if 0.0 < low && low <= high && high.is_finite() => (low, high),
-            _ => return Err(bounds.fault("expected two positive numbers, the lower one first")),
+            [low, high] if 0.0 <= low && low <= high && high.is_finite() => (low, high),
+            _ => return Err(bounds.fault("expected two numbers from 0 on, the lower one first")),
         }
     };
     let (name, count) = (at.field("name")?.string()?, at.field("count")?.count(MAX_ELEMENTS as u32)?);

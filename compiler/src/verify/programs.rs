@@ -69,9 +69,9 @@ fn delays(model: &Model) -> Checked {
         let (low, high) = delay.bounds;
         let bounded = match delay.lag {
             crate::model::Lag::Constant => low == f64::INFINITY && high == f64::INFINITY,
-            _ => 0.0 < low && low <= high && high.is_finite(),
+            _ => 0.0 <= low && low <= high,
         };
-        ensure(bounded, || format!("delays[{i}].bounds"), || "expected two positive numbers, the lower one first".into())?;
+        ensure(bounded, || format!("delays[{i}].bounds"), || "expected two numbers from 0 on, the lower one first".into())?;
     }
     let mut at = 0;
     let ranges = model.delays.iter().map(|delay| {
