@@ -156,7 +156,11 @@ fn faults_of_measured_inputs_have_their_place_and_a_way_out() {
         ("disturbance wind : m/s from \"weather.csv\" linear", "t [K],wind\n0,1\n", "the argument is time"),
         ("disturbance wind : m/s from \"weather.csv\" linear", "t [h],wind\n0,1\n0,1\n", "must increase"),
         ("disturbance wind : m/s from \"other.csv\" linear", WEATHER, "`other.csv` cannot be read"),
-        ("disturbance wind : m/s from \"weather.csv\" linear\ntest \"calm\" { wind = 0 for 1 [s] }", WEATHER, "{from: other.csv}"),
+        (
+            "disturbance wind : m/s from \"weather.csv\" linear\ntest \"calm\" { wind = 0 for 1 [s]; expect z > -1 }",
+            WEATHER,
+            "{from: other.csv}",
+        ),
     ] {
         let path = model("faults", &format!("{line}\nstate z = 0\neq d/dt z = 0\n"), data);
         let output = smpl(&["check", name(&path)]);
