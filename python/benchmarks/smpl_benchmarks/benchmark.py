@@ -26,7 +26,7 @@ from smpl.learning.progress import Progress
 from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.support.arguments import as_count
-from smpl_benchmarks import controls, release, tune, tune_controls
+from smpl_benchmarks import controls, gallery, release, tune, tune_controls
 from smpl_benchmarks.common import SEEDS
 from smpl_benchmarks.curves import draw
 from smpl_benchmarks.historical import __main__ as historical
@@ -319,10 +319,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return tune_controls.main(words[1:])
     if words[:1] == ["release"]:
         return release.main(words[1:])
+    if words[:1] == ["gallery"]:
+        return gallery.main(words[1:])
     parser = argparse.ArgumentParser(
         "python -m smpl.benchmark",
         description="The benchmark.",
-        epilog="tune --help: search hyperparameters; controls --help: tune controls; release --help: data sets",
+        epilog="tune --help: search hyperparameters; controls --help: tune controls; release --help: data sets; "
+        "gallery --help: controllers of the gallery",
     )
     once(parser)
     parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")

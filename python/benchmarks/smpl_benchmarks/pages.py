@@ -35,18 +35,29 @@ def place_in(page: Path, table: Mapping[str, Any], more: Mapping[str, str] | Non
     Raises:
         ValueError: the page has no place.
     """
-    processes = _processes(table)
+    texts = {}
+    for name, rows in _processes(table).items():
+        mine = {**table, "rows": [row for row in table["rows"] if row["env"] == name]}
+        texts[name] = f"{rows}{remarks(mine)}"
+    fill(page, {**texts, **(more or {})}, markdown(table))
+
+
+def fill(page: Path, texts: Mapping[str, str], whole: str | None = None) -> None:
+    """Put texts into the places of a page; other places are unchanged.
+
+    Args:
+        page: a Markdown file.
+        texts: text of each place by name.
+        whole: text of the place without a name.
+
+    Raises:
+        ValueError: the page has no place.
+    """
 
     def filled(found: re.Match[str]) -> str:
-        begin, which, before, end = found.groups()
-        if which is None:
-            return f"{begin}{markdown(table)}{end}"
-        if which in (more or {}):
-            return f"{begin}\n{(more or {})[which].rstrip()}\n\n{end}"
-        if which not in processes:
-            return f"{begin}{before}{end}"
-        mine = {**table, "rows": [row for row in table["rows"] if row["env"] == which]}
-        return f"{begin}\n{processes[which]}{remarks(mine)}\n{end}"
+        begin, which, _, end = found.groups()
+        text = whole if which is None else texts.get(which)
+        return found.group() if text is None else f"{begin}\n{text.strip()}\n\n{end}"
 
     page.write_text(_PLACE.sub(filled, places_of(page)), encoding="utf-8")
 
