@@ -11,7 +11,7 @@ from smpl_benchmarks import gallery
 
 def _by_hand(controller, seed, steps):
     """Return of an episode that is stepped through Gymnasium."""
-    env = gymnasium.make("smpl/FirstOrder-v0", settings={"max_steps": steps}, normalize=False)
+    env = gymnasium.make("smpl/FirstOrder-v0", max_steps=steps, normalize=False)
     env.reset(seed=seed)
     controller.reset(env.unwrapped)
     total, ended = 0.0, False

@@ -21,6 +21,7 @@ from smpl.collect import guarded, once
 from smpl.controllers import Nominal, SamplingMPC, baseline, baselines
 from smpl.envs import Env
 from smpl.evaluation import evaluate
+from smpl.model import compile as compile_model
 from smpl.registry import GALLERY
 from smpl.support.arguments import as_count
 from smpl_benchmarks.pages import fill, grid
@@ -40,14 +41,15 @@ def score(name: str, episodes: int, steps: int) -> dict[str, Any]:
     Args:
         name: of the environment in `GALLERY`.
         episodes: starts, the same for each controller.
-        steps: control steps of an episode at most.
+        steps: control steps of an episode, if the plant's limit is not lower.
 
     Returns:
         The settings, and for each controller `returns` and `failures`.
     """
     found: dict[str, Any] = {"episodes": episodes, "steps": steps, "smpl": __version__}
+    model = compile_model(GALLERY[name])
     for controller in CONTROLLERS:
-        env = Env(GALLERY[name], settings={"max_steps": steps}, normalize=False)
+        env = Env(model, max_steps=min(steps, model.max_steps), normalize=False)
         done = evaluate(env, _made(controller, GALLERY[name]), episodes, SEED)
         found[controller] = {
             "returns": [episode.total for episode in done],
@@ -108,7 +110,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     once(parser)
     parser.add_argument("--env", action="append", metavar="NAME", help="a plant of the gallery; repeatable")
-    parser.add_argument("--episodes", type=int, default=5, metavar="N", help="starts of each plant")
+    parser.add_argument("--episodes", type=int, default=20, metavar="N", help="starts of each plant")
     parser.add_argument("--steps", type=int, default=60, metavar="N", help="control steps of an episode at most")
     parser.add_argument("--results", default="docs/results/gallery.json", metavar="FILE", help="records")
     parser.add_argument("--again", action="store_true", help="run plants that have records again")
