@@ -102,6 +102,10 @@ pub(crate) struct SolverFailure {
     pub unknown: Option<usize>,
     /// The root function at whose threshold the integration stopped, if any.
     pub event: Option<usize>,
+    /// Unknowns at the thresholds of switches that follow each other without end, with their
+    /// values.
+    #[serde(default)]
+    pub switches: [Option<(usize, f64)>; 2],
 }
 
 /// Causes of a solver failure.
@@ -113,6 +117,8 @@ pub enum Cause {
     NoConvergence,
     /// More internal steps than allowed.
     TooManySteps,
+    /// Switches of the equations that follow each other without end.
+    Switching,
     /// The iteration matrix is singular.
     Singular,
     /// No consistent algebraic variables at the start of the interval.
@@ -243,6 +249,7 @@ pub(crate) fn describe_solver(
                 None => text,
             }
         }
+        Cause::Switching => switching(failure, catalogue, &when),
         Cause::Singular => subject("met a singular iteration matrix"),
         Cause::Outside => subject("has no solution inside of the declared bounds that the search finds"),
         Cause::Negative => subject("would become negative, and is declared `nonnegative`"),
@@ -251,6 +258,21 @@ pub(crate) fn describe_solver(
         Cause::Interrupted => subject("was interrupted"),
         Cause::Other(code) => subject(&format!("failed (IDA code {code})")),
     }
+}
+
+/// The message of switches without end.
+fn switching(failure: &SolverFailure, catalogue: &Catalogue, when: &str) -> String {
+    let elements = || catalogue.states.elements().iter().chain(catalogue.solved.elements());
+    let threshold = |&(at, value): &(usize, f64)| {
+        let element = elements().find(|e| e.at == at)?;
+        Some(format!("`{}` = {}{}", element.name, Short(value), unit_suffix(&element.unit)))
+    };
+    let mut thresholds: Vec<String> = failure.switches.iter().flatten().filter_map(threshold).collect();
+    thresholds.sort();
+    let places = if thresholds.is_empty() { String::new() } else { format!(" near {}", thresholds.join(" and ")) };
+    format!(
+        "switches of the equations{places} follow each other without end {when}: the equations lead back to the thresholds from both sides"
+    )
 }
 
 /// `equation at reactor.eq:41, d/dt T`.

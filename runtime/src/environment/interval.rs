@@ -101,7 +101,8 @@ impl Environment {
         std::mem::swap(&mut self.integrator, &mut other);
         self.integrator.forget();
         self.spare = Some(other);
-        if outcome == Outcome::Solver && self.progress.verdict.solver_failure.is_none_or(|f| f.cause != Cause::Interrupted) {
+        let says_more = |f: SolverFailure| matches!(f.cause, Cause::Interrupted | Cause::Switching);
+        if outcome == Outcome::Solver && !self.progress.verdict.solver_failure.is_some_and(says_more) {
             self.progress.verdict.solver_failure = first;
         }
         outcome
@@ -390,6 +391,7 @@ pub(super) fn add(sum: &mut Statistics, part: &Statistics) {
 pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
     let (time, cause, unknown) = match error {
         SolveError::TooManySteps { time, unknown, .. } => (*time, Cause::TooManySteps, *unknown),
+        SolveError::Switching { time, .. } => (*time, Cause::Switching, None),
         SolveError::StepTooSmall { time, unknown, .. }
         | SolveError::ErrorTestFailures { time, unknown, .. }
         | SolveError::ConvergenceFailures { time, unknown, .. } => (*time, Cause::NoConvergence, *unknown),
@@ -407,5 +409,6 @@ pub(super) fn blame(error: &SolveError, start: f64) -> SolverFailure {
         _ => (start, Cause::Other(0), None),
     };
     let event = if let SolveError::TooManySteps { event, .. } = error { *event } else { None };
-    SolverFailure { time, cause, unknown, event }
+    let switches = if let SolveError::Switching { at, .. } = error { *at } else { [None; 2] };
+    SolverFailure { time, cause, unknown, event, switches }
 }

@@ -40,6 +40,16 @@ pub enum SolveError {
         /// The root function at whose threshold the integration stopped, where there is one.
         event: Option<usize>,
     },
+    /// The equations lead back to thresholds of switches without end.
+    #[error("{steps} steps between switches moved time by too little: stopped at t = {time}")]
+    Switching {
+        /// Last time reached.
+        time: f64,
+        /// The limit.
+        steps: u32,
+        /// Unknowns at the thresholds of the last two switches, with their values.
+        at: [Option<(usize, f64)>; 2],
+    },
     /// The step shrank to nothing: the solution is singular there, or the tolerances are too tight.
     #[error("the step shrank to {step} at t = {time}")]
     StepTooSmall {

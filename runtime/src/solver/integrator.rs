@@ -38,6 +38,13 @@ pub struct Statistics {
     pub retries: u64,
 }
 
+impl Statistics {
+    /// Steps, those that failed included.
+    pub(super) fn tried(&self) -> u64 {
+        self.steps + self.error_test_failures + self.nonlinear_failures
+    }
+}
+
 /// Data that an integrator carries from one control step to the next, in addition to the state;
 /// none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

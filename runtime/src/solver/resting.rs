@@ -272,6 +272,11 @@ fn without_rest(mut error: SolveError) -> SolveError {
             *unknown = unknown.filter(|at| *at > 0);
             unknown.iter_mut().for_each(own);
         }
+        SolveError::Switching { at: places, .. } => {
+            for place in places {
+                *place = place.and_then(|(at, value)| Some((at.checked_sub(1)?, value)));
+            }
+        }
         SolveError::NotFinite { row, .. } | SolveError::Diagonal { row } => own(row),
         SolveError::JacobianNotFinite { row, column, .. } => [row, column].into_iter().for_each(own),
         SolveError::Negative { unknown, .. } | SolveError::Algebraic { unknown } => own(unknown),

@@ -6,7 +6,7 @@
 
 use std::os::raw::c_int;
 
-use super::watch::{TIE, Watch};
+use super::watch::{Crawl, TIE, Watch};
 use super::{Advance, SolveError};
 
 /// Two times this near each other, in parts of the larger one, are one: the tables of a model know
@@ -67,6 +67,14 @@ pub(crate) const MOST_TIES: u32 = 64;
 /// Corrections of an unknown until a root function is zero.
 const CORRECTIONS: u32 = 8;
 
+/// Part of the longest interval by which time moves between two looks at the number of stops.
+const PROGRESS: f64 = 1e-3;
+
+/// Fewest stops at one switch within that time, or at all switches, that count as stops without
+/// end.
+const RETURNS: u32 = 32;
+const STOPS: u64 = 100;
+
 /// An integrator between two control instants, with its system at hand.
 pub(crate) trait Traverse {
     /// Present time.
@@ -117,6 +125,9 @@ pub(crate) trait Traverse {
 
     /// Stays at this time, where a restart is needed.
     fn stop_at(&mut self, t: f64);
+
+    /// Steps since everything was forgotten, those that failed included.
+    fn steps_tried(&self) -> u64;
 
     /// Returns whether the integration stops at jumps of the equations, too.
     fn reports_jumps(&self) -> bool;
@@ -279,7 +290,7 @@ pub(crate) trait Traverse {
     /// thing happened, and a short one beyond it.
     fn solve_precisely(&mut self, t_end: f64) -> Result<Advance, SolveError> {
         let start = self.time();
-        let mut advance = self.solve(t_end)?;
+        let mut advance = self.solve_on(t_end)?;
         let fine = self.span(FINE);
         for _ in 0..REPEATS {
             let at = self.time();
@@ -293,11 +304,11 @@ pub(crate) trait Traverse {
             self.watched().0.go_back();
             self.cross(began)?;
             // Where it happened the equations are those beyond already.
-            advance = self.solve(at - 0.5 * fine)?;
+            advance = self.solve_on(at - 0.5 * fine)?;
             let mut ahead = fine;
             while advance == Advance::Reached && self.time() < t_end {
                 let to = if ahead > COARSE * (at - began) { t_end } else { (at + ahead).min(t_end) };
-                advance = match self.solve(to) {
+                advance = match self.solve_on(to) {
                     Err(error) if is_stuck(&error) => return if self.passes_jump(t_end)? { Ok(Advance::Event) } else { Err(error) },
                     advance => advance?,
                 };
@@ -305,6 +316,41 @@ pub(crate) trait Traverse {
             }
         }
         Ok(advance)
+    }
+
+    /// Steps as [`solve`](Self::solve) does, and fails where a switch stops the integration so
+    /// often that the interval would need more stops than steps are allowed. It also fails where
+    /// steps between switches reach their limit while time hardly moves.
+    fn solve_on(&mut self, t_end: f64) -> Result<Advance, SolveError> {
+        let advance = self.solve(t_end);
+        let (time, tried, interval) = (self.time(), self.steps_tried(), self.longest_interval());
+        let most = f64::from(self.max_steps());
+        let watch = self.watched().0;
+        let is_event = matches!(advance, Ok(Advance::Event)) && !watch.at_switch;
+        if is_event || time - watch.crawl.since > PROGRESS * interval {
+            watch.begin_crawl(time, tried);
+        }
+        watch.crawl.stops += 1;
+        let Crawl { since, begin, stops } = watch.crawl;
+        let work = tried.saturating_sub(begin) + stops;
+        let returns = watch.returns.iter().copied().max().unwrap_or(0);
+        let is_fast = returns >= RETURNS && f64::from(returns) * interval > most * (time - since);
+        if matches!(advance, Ok(Advance::Reached)) || !(is_fast || (stops >= STOPS && work as f64 > most)) {
+            return advance;
+        }
+        let steps = self.max_steps();
+        Err(SolveError::Switching { time, steps, at: self.states_at_switches() })
+    }
+
+    /// The unknowns that move the last two switches most, with their values.
+    fn states_at_switches(&mut self) -> [Option<(usize, f64)>; 2] {
+        let switches = self.watched().0.last_switches;
+        let unknown = |switch: Option<usize>| {
+            let (at, _) = self.steepest(switch?).ok()??;
+            Some((at, *self.unknown_mut(at)))
+        };
+        let [last, before] = switches.map(unknown);
+        [last, before.filter(|(at, _)| last.is_none_or(|(other, _)| other != *at))]
     }
 
     /// Goes along the rates to just behind a nearby jump of the equations, after steps have become

@@ -91,6 +91,17 @@ impl Edge {
     }
 }
 
+/// Work since time last moved by a part of the interval.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Crawl {
+    /// That time.
+    pub since: f64,
+    /// Steps tried until then.
+    pub begin: u64,
+    /// Stops since.
+    pub stops: u64,
+}
+
 /// Conditions at the last accepted state, and root functions there and nearby.
 #[derive(Default)]
 pub(crate) struct Watch {
@@ -122,9 +133,14 @@ pub(crate) struct Watch {
     pub stale: bool,
     /// The switch at which the integration stopped.
     pub switched: Option<usize>,
+    /// The last two different switches at which it stopped, the last one first.
+    pub last_switches: [Option<usize>; 2],
     /// No tie is looked for before this time; and how many were tried.
     pub loose_until: f64,
     pub ties: u32,
+    /// Progress between switches, and stops at each root function since.
+    pub crawl: Crawl,
+    pub returns: Box<[u32]>,
     /// Their motion there.
     motion: Box<[f64]>,
     /// Their rounding.
@@ -168,6 +184,7 @@ impl Watch {
             noise: zeros(),
             moved: zeros(),
             before: zeros(),
+            returns: vec![0; roots].into(),
             ..Self::default()
         }
     }
@@ -244,6 +261,14 @@ impl Watch {
     /// Nothing is known of ties.
     pub(super) fn forget_ties(&mut self) {
         (self.loose_until, self.ties) = (f64::NEG_INFINITY, 0);
+        self.begin_crawl(f64::NEG_INFINITY, 0);
+        self.last_switches = [None; 2];
+    }
+
+    /// Counts stops from a time on at which so many steps had been tried.
+    pub(super) fn begin_crawl(&mut self, since: f64, begin: u64) {
+        self.crawl = Crawl { since, begin, stops: 0 };
+        self.returns.fill(0);
     }
 
     /// The next kink from a number on.
@@ -580,6 +605,10 @@ impl Watch {
             if stops && kind.role != RootRole::Event {
                 self.switched = self.switched.or(Some(i));
                 self.at_tie |= self.tied[i];
+                self.returns[i] += 1;
+                if self.last_switches[0] != Some(i) {
+                    self.last_switches = [Some(i), self.last_switches[0]];
+                }
             }
             let brought = !edge.holds && stops && motion < 0.0 && self.before[i] * reach > self.noise[i];
             self.edges[i] = if value.is_nan() {

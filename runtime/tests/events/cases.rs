@@ -205,6 +205,37 @@ fn equations_that_lead_back_to_a_threshold_from_both_sides_fail_with_the_name_of
     assert!(message.contains("t = 0.5"), "{message}");
 }
 
+/// The state of the first switch has a start from which both reach their thresholds at about the
+/// same time, and nothing leads on from there.
+#[test]
+fn two_switches_that_both_lead_back_to_their_thresholds_fail_by_their_names() {
+    let mut running = Running::new(
+        "time t : s\nstate d1 = 0.1 in 0..100\nstate d2 = 0.15 in 0..100\n\
+         eq d/dt d1 = 0.3 [1/s] - (if d1 > 0.2 then 1e8 [1/s]*d1 else 0 [1/s])\n\
+         eq d/dt d2 = 0.3 [1/s] + 0.1 [1/s]*d1 - (if d2 > 0.2 then 1e8 [1/s]*d2 else 0 [1/s])\n\
+         observe d1\nepisode { step = 1 [s], max_steps = 30 }",
+    );
+    assert!(running.step().failure.is_some());
+    let message = running.0.failure_message();
+    assert!(message.starts_with("solver: ") && message.contains("`d2` = 0.2 "), "{message}");
+    assert!(message.contains("t = 0.160") && message.contains("both sides"), "{message}");
+}
+
+/// Each of 150 states passes its switch once, all within a thousandth of the step, and y' is 2
+/// before and 1 after it.
+#[test]
+fn many_switches_at_about_the_same_time_are_passed() {
+    let mut running = Running::new(
+        "time t : s\nset i = 1..150\nstate x[i] = 0\nstate y[i] = 0\neq d/dt x[k] = 1 [1/s] for k in i\n\
+         eq d/dt y[k] = (if x[k] > 0.5 + k*4e-6 then 1 else 2)/1 [s] for k in i\n\
+         observe y[1]\nepisode { step = 1 [s], max_steps = 3 }",
+    );
+    assert_eq!(running.step().failure, None);
+    for k in [1, 75, 150] {
+        close(running.state(&format!("y[{k}]")), 1.5 + f64::from(k) * 4e-6, 1e-5);
+    }
+}
+
 #[test]
 fn the_limit_of_events_can_be_set() {
     // 10 events a second.

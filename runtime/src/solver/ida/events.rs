@@ -143,6 +143,10 @@ impl Traverse for Ida {
         self.phase = Phase::Idle;
     }
 
+    fn steps_tried(&self) -> u64 {
+        self.memory.bridge().counts.tried()
+    }
+
     fn reports_jumps(&self) -> bool {
         self.reports_jumps
     }

@@ -642,6 +642,10 @@ impl Traverse for Run<'_> {
         self.one.phase = Phase::Idle;
     }
 
+    fn steps_tried(&self) -> u64 {
+        self.one.frame.functions.counts.tried()
+    }
+
     fn reports_jumps(&self) -> bool {
         self.one.events.reports_jumps
     }
