@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import smpl
 from smpl.benchmark import benchmark, main, runs
 from smpl_benchmarks.training import COLUMNS, curve, diverged, learn
 from tank import DRAWN
@@ -18,7 +19,7 @@ NAMES = {
         *("TD3PlusBC", "IQL", "CalQL", "ReBRAC", "MOPO", "COMBO"),
     ),
     "online": (
-        *("PPO", "A2C", "SAC", "TD3", "DDPG", "ARS", "TQC", "CrossQ", "RecurrentPPO"),
+        *("PPO", "A2C", "SAC", "TD3", "DDPG", "ARS", "TQC", "CrossQ", "RecurrentPPO", "SHAC"),
         *("RLlib-PPO", "RLlib-IMPALA", "RLlib-APPO", "RLlib-SAC"),
         *("PG-2022", "A3C-2022", "ARS-2022", "DDPG-2022", "IMPALA-2022", "PPO-2022", "SAC-2022"),
     ),
@@ -117,6 +118,20 @@ def test_every_algorithm_of_the_paper_and_beyond_has_runs():
     assert {one.settings["steps"] for one in every if (one.suite, one.controller) == ("online", "PPO")} == {1_200_000}
 
 
+def test_the_training_reward_of_short_horizons_equals_the_reward_of_the_reactor():
+    pytest.importorskip("yaml")
+    (one,) = runs("online", "short", "Reactor", 1, ["SHAC"])
+    hyper = one.settings["hyperparameters"]
+    env = smpl.Env("reactor", scenario="legacy", extra=hyper["extra"], reward=hyper["reward"])
+    for seed in range(3):
+        env.reset(seed=seed)
+        for k in range(30):
+            _, reward, terminated, _, info = env.step(np.array([0.3 * (-1) ** k, 0.1], dtype=np.float32))
+            if terminated:
+                break
+            assert reward == info["rewards"]["setpoint"]
+
+
 def test_algorithms_of_2022_have_the_steps_of_their_kind():
     pytest.importorskip("yaml")
     for env in ("Reactor", "MAb"):
@@ -195,7 +210,8 @@ def test_offline_algorithms_learn_inside_of_a_formulation(tmp_path):
 
 @pytest.mark.parametrize("algorithm", NAMES["online"])
 def test_each_online_algorithm_trains(algorithm, tmp_path):
-    for package in ("yaml", *(("ray",) if algorithm.startswith("RLlib") else ("stable_baselines3", "sb3_contrib"))):
+    others = ("ray",) if algorithm.startswith("RLlib") else ("stable_baselines3", "sb3_contrib")
+    for package in ("yaml", *(("torch",) if algorithm == "SHAC" else others)):
         pytest.importorskip(package)
     table = benchmark(tmp_path, "online", env="Reactor", algorithms=[algorithm], workers=1)
     (row,) = table["rows"]
@@ -209,11 +225,16 @@ def test_each_online_algorithm_trains(algorithm, tmp_path):
 
 @pytest.mark.parametrize(
     ("suite", "algorithm", "package"),
-    [("offline", "TD3PlusBC", "d3rlpy"), ("online", "PPO", "sb3"), ("online", "SAC", "sb3")],
+    [
+        ("offline", "TD3PlusBC", "d3rlpy"),
+        ("online", "PPO", "stable_baselines3"),
+        ("online", "SAC", "stable_baselines3"),
+        ("online", "SHAC", "torch"),
+    ],
 )
 def test_a_learned_run_that_was_cut_off_ends_in_the_same_bits(suite, algorithm, package, tmp_path, monkeypatch):
     pytest.importorskip("yaml")
-    pytest.importorskip("d3rlpy" if package == "d3rlpy" else "stable_baselines3")
+    pytest.importorskip(package)
     arguments = {"env": "Reactor", "algorithms": [algorithm], "workers": 1}
     benchmark(tmp_path / "whole", suite, **arguments)
     import smpl_benchmarks.training as training

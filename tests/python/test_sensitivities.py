@@ -11,6 +11,7 @@ import pytest
 from scipy import integrate, optimize
 
 import smpl
+from smpl.analysis.sensitivity import linearize_rollout
 
 PROBLEMS = Path(__file__).resolve().parents[1] / "problems"
 
@@ -760,3 +761,17 @@ def test_derivatives_of_an_elastic_collision():
     assert du[place, 0] == pytest.approx(difference(lambda h: elastic((1, 3), start, 0.2 + h, 2)), abs=1e-6)
     assert dp[place, 0] == pytest.approx(difference(lambda h: elastic((1 + h, 3), start, 0.2, 2)), abs=1e-6)
     assert dp[place, 1] == pytest.approx(difference(lambda h: elastic((1, 3 + h), start, 0.2, 2)), abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "auto"])
+def test_derivatives_of_a_rollout_by_some_actions_are_columns_of_those_by_all(method):
+    model = smpl.compile(source=LINEAR)
+    plan = np.random.default_rng(2).uniform(-1, 1, (3, 4, 2))
+    x = [[1.0, -0.5], [0.3, 0.4], [-1.0, 2.0]]
+    every = linearize_rollout(model, x, plan, by=("action",), method=method)
+    some = linearize_rollout(model, x, plan, by=("action",), actions_by=["v"], method=method)
+    assert some.by["action"] == ("v@0", "v@1", "v@2", "v@3")
+    np.testing.assert_allclose(some.dx_du, every.dx_du[..., 1::2], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(some.dr_du, every.dr_du[..., 1::2], rtol=1e-6, atol=1e-9)
+    with pytest.raises(ValueError, match="actions_by: unknown 'w'"):
+        linearize_rollout(model, x, plan, actions_by=["w"])

@@ -201,13 +201,17 @@ def linearize_rollout(
     p: Mapping[str, npt.ArrayLike] | None = None,
     *,
     by: Sequence[str] = ("state", "action"),
+    actions_by: Iterable[str] | None = None,
     parameters: Iterable[str] = (),
     discrete: Iterable[str] = (),
     method: str | None = None,
     threads: int | None = None,
     first_step: int = 0,
 ) -> StepDerivatives:
-    """Several control steps with their derivatives, see `Model.linearize_rollout`."""
+    """Several control steps with their derivatives, see `Model.linearize_rollout`.
+
+    `actions_by` has the names of the actions that derivatives are taken by; all by default.
+    """
     states = _rows("x", x, len(model.state_names), 1)
     plan = _rows("actions", actions, len(model.action_names), 2)
     if not np.isfinite(plan).all():
@@ -218,7 +222,11 @@ def linearize_rollout(
     size = (count, check_first_step(first_step, horizon), horizon)
     named = {"parameter": parameters, "discrete": discrete, "disturbance": ()}
     names = _directions(model, by, named)
-    names["action"] = tuple(f"{name}@{k}" for k in range(horizon) for name in names["action"])
+    chosen = names["action"]
+    if actions_by is not None:
+        chosen = tuple(actions_by)
+        check_names("actions_by", chosen, model.action_names)
+    names["action"] = tuple(f"{name}@{k}" for k in range(horizon) for name in chosen)
     found = _linearized(model, states, plan, _split(model, p), names, size, method, threads)
     rows = [array.reshape(count, horizon, *array.shape[1:]) for array in found]
     return _derivatives(names, [array[0] if single else array for array in rows])
@@ -236,12 +244,7 @@ def _linearized(
 ) -> Sequence[FloatArray]:
     """Values and derivatives, a row per step; `size` is (points, completed steps, steps)."""
     count, _, horizon = size
-    # Actions of later steps are counted behind those of the first one.
-    chosen = [
-        (role, at if role == "action" else getattr(model, _NAMES[role]).index(name))
-        for role in ROLES
-        for at, name in enumerate(names[role])
-    ]
+    chosen = [(role, _place(model, role, name)) for role in ROLES for name in names[role]]
     tasks = count * (1 + len(chosen) * len(model.state_names) // 100_000)
     found: Sequence[FloatArray] = model.native.sensitivity(
         states,
@@ -253,6 +256,13 @@ def _linearized(
         (chosen, min(_threads(threads), tasks), None, check_method(method)),
     )
     return found
+
+
+def _place(model: Model, role: str, name: str) -> int:
+    """Number of a quantity in its role; actions of later steps follow those of the first one."""
+    places: tuple[str, ...] = getattr(model, _NAMES[role])
+    base, _, step = name.rpartition("@")
+    return int(step) * len(places) + places.index(base) if role == "action" and base else places.index(name)
 
 
 def _derivatives(names: Mapping[str, tuple[str, ...]], values: Sequence[FloatArray]) -> StepDerivatives:

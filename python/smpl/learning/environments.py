@@ -222,8 +222,7 @@ class FormulatedVectorEnv(VectorEnv):
         given, expected = np.asarray(actions), (self.num_envs, len(self.form.learned))
         if given.shape != expected:
             raise ValueError(f"actions has shape {given.shape}, expected {expected}")
-        rows = Rows(self, self._observations, self.state, self._steps, self._memory)
-        own = self.from_physical(self.form.physical(rows, given)).astype(np.float32)
+        own = self.from_physical(self.form.physical(self.rows, given)).astype(np.float32)
         observations, rewards, terminated, truncated, infos = super().step(own)
         done = terminated | truncated
         rewards = self.form.formulation.reward(rewards, _failed(terminated, infos))
@@ -236,6 +235,11 @@ class FormulatedVectorEnv(VectorEnv):
         self._ended = done
         self._steps += 1
         return self._begun(fresh, observations), rewards, terminated, truncated, infos
+
+    @property
+    def rows(self) -> Rows:
+        """Inputs of the centre at the coming step, with the observations of the process."""
+        return Rows(self, self._observations, self.state, self._steps, self._memory)
 
     def _begun(self, fresh: Array, observations: Array) -> Array:
         """The observations of the formulation; `fresh` ones are the first of an episode."""

@@ -234,6 +234,31 @@ class Form:
             one["seen"] = [observation.copy()] * count if seen is None else [*seen[1:], observation.copy()]
         return np.stack([np.concatenate(one["seen"]) for one in memory])
 
+    @property
+    def follows_step(self) -> bool:
+        """True if the centre is a function of the step alone."""
+        return self.formulation.centre in ("box", "nominal", "recipe")
+
+    def slopes(self, seen: Array) -> FloatArray:
+        """Derivatives of what a learner observes, by the measured values in physical units.
+
+        Args:
+            seen: observations of the learner, (rows, observations); one that is clipped has the
+                slope 0.
+
+        Raises:
+            ValueError: the formulation has a history.
+        """
+        if self.formulation.history != 1:
+            raise ValueError(f"history is {self.formulation.history}, expected 1: derivatives are of one observation")
+        low, high = self.interface.observation_low.copy(), self.interface.observation_high.copy()
+        low[self._windowed], high[self._windowed] = self._window
+        scaled = np.isfinite(low) & np.isfinite(high) & (high > low)
+        if not self.interface.normalize:
+            scaled &= np.isin(np.arange(len(low)), self._windowed)
+        width = np.where(scaled, high - low, 2.0)
+        return np.where(scaled & (np.abs(seen) >= 1.0), 0.0, 2.0 / width)
+
     def _through_windows(self, observations: Array) -> Array:
         """A batch of observations with those that have windows as the learner sees them."""
         if not len(self._windowed):
