@@ -133,7 +133,7 @@ def test_groups_of_a_predictive_controller_have_all_its_options_once():
     groups = (NMPCObjective, NMPCConstraints, NMPCPrediction, NMPCSolver)
     names = [one.name for group in groups for one in dataclasses.fields(group)]
     assert sorted(names) == sorted(one.name for one in dataclasses.fields(NMPCOptions))
-    assert len(names) == len(set(names)) == 34
+    assert len(names) == len(set(names)) == 35
 
 
 def test_a_controller_is_the_same_however_its_options_are_given():

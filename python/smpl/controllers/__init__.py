@@ -14,6 +14,7 @@ from smpl.controllers.lqr import LQG, LQR
 from smpl.controllers.moving_horizon import MovingHorizonEstimator, MovingHorizonOptions
 from smpl.controllers.nmpc import NMPC
 from smpl.controllers.nmpc_options import NMPCConstraints, NMPCObjective, NMPCOptions, NMPCPrediction, NMPCSolver
+from smpl.controllers.nmpc_sensitivity import ActionDerivatives
 from smpl.controllers.pid import PID, Cascade, Loops, PIDOptions
 from smpl.controllers.reactor import Proportional
 from smpl.controllers.safety import SafetyFilter
@@ -25,6 +26,7 @@ __all__ = [
     "LQR",
     "NMPC",
     "PID",
+    "ActionDerivatives",
     "BayesianOptimization",
     "BayesianOptions",
     "Cascade",

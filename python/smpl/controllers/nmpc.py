@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 import types
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from smpl.controllers.nmpc_model import Expressions
 from smpl.controllers.nmpc_objective import Objective, by_action, row_sizes
 from smpl.controllers.nmpc_options import NMPCOptions
 from smpl.controllers.nmpc_plugins import Settings
+from smpl.controllers.nmpc_sensitivity import ActionDerivatives, Sensitivity
 from smpl.controllers.nmpc_solver import SOLVERS, Solution, Solver
 from smpl.controllers.nmpc_starts import Finer
 from smpl.envs import Env
@@ -116,11 +117,15 @@ class NMPC(TakesWrapped):
         self._expressions = Expressions(self.model, options.part, options.smooth)
         self.action_names = self._choose_actions(options.actions)
         objective = Objective(
-            self._expressions, self.action_names, options.cost, options.terminal, options.rate_weight, options.integrate
-        )
+            self._expressions, self.action_names, options.cost, options.terminal, options.rate_weight,
+            options.integrate, bool(options.tunable),
+        )  # fmt: skip
         self._given = Given(
-            self._expressions, self.horizon, options.p, options.forecast, options.set_point, objective.targets
-        )
+            self._expressions, self.horizon, options.p, options.forecast, options.set_point, objective.targets,
+            objective.weights,
+        )  # fmt: skip
+        self._sensitivity: Sensitivity | None = None
+        self._solved: tuple[Solution, FloatArray] | None = None
         self._offset_free, self._filter = bool(options.offset_free), as_number("filter", options.filter)
         task = self._task(objective, self._limits(options), options)
         settings, starts = _settings(options, objective.convex)
@@ -181,6 +186,38 @@ class NMPC(TakesWrapped):
         self.decisions += 1
         self.times.append(time.perf_counter() - begin)
         return action
+
+    def adjust(self, values: Mapping[str, float]) -> None:
+        """Change weights of a tunable cost, set-points and parameters, from the next reset on.
+
+        Args:
+            values: by the names of `ActionDerivatives.by`: `cost:T`, `terminal:T`, `rate:T_c`,
+                `target:T`, or a parameter. With `p="episode"` parameters are those of the plant.
+
+        Raises:
+            ValueError: an unknown name, a number that is not finite, or a negative weight.
+        """
+        self._given.adjust(values)
+
+    def derivatives(self) -> ActionDerivatives:
+        """Derivatives of the last decision's actions, with the active bounds of its plan.
+
+        They do not exist where a bound becomes active or inactive. Actions of `rest` are left out.
+
+        Raises:
+            ValueError: the last decision has no solution that has converged, or the active bounds
+                do not determine it.
+
+        Example:
+            controller = NMPC(env, 20, {"T": 1.0, "T_c": 0.1}, tunable=True)
+            controller.derivatives().by["cost:T"]    # after action(env)
+        """
+        if self._solved is None:
+            raise ValueError("the last decision has no solution that has converged: there are no derivatives")
+        solution, p = self._solved
+        if self._sensitivity is None:
+            self._sensitivity = Sensitivity(solution.programme)
+        return self._sensitivity.derivatives(solution, p)
 
     def report(self) -> str:
         """Decisions so far, their times and what failed, in a line."""
@@ -314,6 +351,8 @@ class NMPC(TakesWrapped):
         self.last_status = "; ".join(self._solver.statuses)
         if solution is not None and old is None and self._comparing:
             self._compare(given, solution)
+        converged = solution is not None and not solution.unfinished
+        self._solved = (solution, self._solver.parameters(given)) if solution is not None and converged else None
         self.conflicts = []
         self.retries += solution is not None and solution.retried
         self.unfinished += solution is not None and solution.unfinished

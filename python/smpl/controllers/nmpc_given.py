@@ -11,7 +11,7 @@ from smpl._native import SimulationError
 from smpl.controllers.names import operating_point
 from smpl.controllers.nmpc_model import Expressions
 from smpl.envs import Env
-from smpl.support.arguments import FloatArray, as_mapping, as_number, check_names
+from smpl.support.arguments import FloatArray, as_finite_number, as_mapping, as_number, check_names
 
 # What each interval of a horizon has its own value of, whatever is forecast.
 _COUNTERS = ("p:clock", "c:steps", "c:last_step", "within:episode")
@@ -27,6 +27,7 @@ class Given:
         forecast: by names, numbers, arrays or functions of the time.
         set_point: by names, numbers or functions of the time.
         targets: what has a set-point: name -> expression.
+        weights: values of weights by their keys.
 
     Attributes:
         keys, varying: given names; those with a value for each interval.
@@ -42,6 +43,7 @@ class Given:
         forecast: Mapping[str, Any] | None,
         set_point: Mapping[str, Any] | None,
         targets: Mapping[str, Any],
+        weights: Mapping[str, float] | None = None,
     ) -> None:
         self._e, self._horizon = expressions, horizon
         self._episode = isinstance(p, str)
@@ -50,6 +52,7 @@ class Given:
         self._p = {} if isinstance(p, str) else dict(as_mapping("p", p))
         self._forecast = dict(as_mapping("forecast", forecast))
         self._set_point, self._targets = dict(as_mapping("set_point", set_point)), dict(targets)
+        self._weights = dict(weights or {})
         check_names("set_point", self._set_point, tuple(targets))
         self._parameters = expressions.export.parameters(self._p)
         self._rest = self._at_rest()
@@ -82,6 +85,8 @@ class Given:
     def nominal(self, key: str) -> float:
         """Value of a key at the nominal point."""
         e, (kind, _, name) = self._e.export, key.partition(":")
+        if key in self._weights:
+            return self._weights[key]
         if kind == "p":
             return float(self._parameters[e.parameter_names.index(name)])
         if kind == "within":
@@ -94,6 +99,30 @@ class Given:
             given = self._set_point.get(name)
             return float(given) if isinstance(given, (int, float)) else self._default.get(name, 0.0)
         return self._state_value(name, start=kind in ("x", "z", "start", "initial", "previous"))
+
+    def adjust(self, values: Mapping[str, float]) -> None:
+        """Change weights, set-points and parameters.
+
+        Raises:
+            ValueError: an unknown name, or a number that is not finite or a negative weight.
+        """
+        names = self._e.export.parameter_names
+        targets = {f"target:{name}": name for name in self._targets}
+        check_names("values", values, (*self._weights, *targets, *names))
+        parameters = {}
+        for name, value in values.items():
+            number = as_finite_number(f"values[{name!r}]", value)
+            if name in self._weights:
+                if number < 0:
+                    raise ValueError(f"values[{name!r}] is {number}, expected a weight that is not negative")
+                self._weights[name] = number
+            elif name in targets:
+                self._set_point[targets[name]] = number
+            else:
+                parameters[name] = number
+        if parameters:
+            self._p |= parameters
+            self._parameters = self._e.export.parameters(self._p)
 
     def begin(self, env: Env, estimator: Any) -> None:
         """Values that stay over an episode."""

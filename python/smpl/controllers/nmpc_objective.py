@@ -25,19 +25,29 @@ class Objective:
     Attributes:
         targets: names of what has a set-point.
         convex: it is a sum of weighted squares.
+        weights: values of weights that are symbols, by their keys; empty if it is not tunable.
     """
 
     def __init__(
-        self, e: Expressions, actions: tuple[str, ...], cost: Cost, terminal: Any, rate_weight: Any, integrate: bool
+        self,
+        e: Expressions,
+        actions: tuple[str, ...],
+        cost: Cost,
+        terminal: Any,
+        rate_weight: Any,
+        integrate: bool,
+        tunable: bool = False,
     ) -> None:
         import casadi as ca
 
         self._e, self._ca = e, ca
         self.targets: dict[str, Any] = {}
+        self._tunable, self.weights = tunable, dict[str, float]()
         weights = dict(as_mapping("cost", cost)) if isinstance(cost, Mapping) else None
         changes = by_action("rate_weight", rate_weight, e.model, actions, 0.0)
         at = [e.export.action_names.index(name) for name in actions]
-        move = sum(w * (e.u[i] - e.before[i]) ** 2 for w, i in zip(changes, at, strict=True) if w > 0)
+        moves = [(name, w, i) for name, w, i in zip(actions, changes.tolist(), at, strict=True) if w > 0]
+        move = sum(self._weight(f"rate:{name}", w) * (e.u[i] - e.before[i]) ** 2 for name, w, i in moves)
         self._weights, self.convex = weights or {}, weights is not None
         if weights is not None:
             self.stage = self._squares("cost", weights)
@@ -69,6 +79,13 @@ class Objective:
         steepest = max((float(np.nanmax(one, initial=0.0)) for one in found), default=0.0)
         return 10.0 / steepest if np.isfinite(steepest) and steepest > 0 else 1.0
 
+    def _weight(self, key: str, value: float) -> Any:
+        """A weight: its number, or a symbol of a tunable cost."""
+        if not self._tunable:
+            return value
+        self.weights[key] = value
+        return self._e.symbols([key])
+
     def _reward(self, cost: Any) -> str:
         e = self._e
         if cost is not None and not isinstance(cost, str):
@@ -88,7 +105,7 @@ class Objective:
             except ValueError as error:
                 raise ValueError(f"{argument}: {error}") from None
             self.targets[name] = quantity
-            value += weight * (quantity - self._e.symbols([f"target:{name}"])) ** 2
+            value += self._weight(f"{argument}:{name}", weight) * (quantity - self._e.symbols([f"target:{name}"])) ** 2
         return value
 
 

@@ -31,6 +31,7 @@ class NMPCObjective(Options):
         integrate: the cost is the mean over each interval instead of the value at its end.
         shrinking: the horizon ends with the episode, as for a batch; rewards after its end do not
             count.
+        tunable: weights are values that `adjust` changes and `derivatives` differentiates by.
     """
 
     horizon: int = 20
@@ -40,6 +41,7 @@ class NMPCObjective(Options):
     rate_weight: Mapping[str, float] | None = None
     integrate: bool = False
     shrinking: bool = False
+    tunable: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -194,9 +194,9 @@ class Solver:
         found = self._attempts(given, [] if old is None else [old], cold)
         if old is None and self._starts:
             name = self._order(warm=False)[0]
-            others = self._simulated().best(given, action, self._parameters(given), self._starts)
+            others = self._simulated().best(given, action, self.parameters(given), self._starts)
             first = self._guess(rest, action)
-            finite = [x for one in others if (x := self._guessed().finite(one, self._parameters(given))) is not None]
+            finite = [x for one in others if (x := self._guessed().finite(one, self.parameters(given))) is not None]
             found += [one for x in finite if (one := self._run(name, given, replace(first, x=x))) is not None]
         best = min(found, key=lambda one: one.cost, default=None)
         if best is not None and best.unfinished:
@@ -251,7 +251,7 @@ class Solver:
 
     def _cold(self, given: tuple[Any, ...], cold: list[Any]) -> Solution | None:
         """The first of some guesses at or near which the programme is finite; None if missing."""
-        p = self._parameters(given)
+        p = self.parameters(given)
         for one in cold:
             guess = self._guess(*one)
             x = self._guessed().finite(guess.x, p)
@@ -261,7 +261,7 @@ class Solver:
 
     def _along(self, given: tuple[Any, ...], actions: FloatArray) -> Solution | None:
         """The simulated plan, an initial guess that satisfies the equations, or None."""
-        p, along = self._parameters(given), self._simulated().follow(given, actions)
+        p, along = self.parameters(given), self._simulated().follow(given, actions)
         if not np.isfinite(along).all():
             return None
         self._simulated().complete(along, p)
@@ -275,7 +275,7 @@ class Solver:
         """A plan and what it leads to; None if that is not known or breaks what must hold."""
         programme, t = self._programme, self._transcription
         x = self._simulated().follow(given, actions)
-        cost, broken = self._simulated().complete(x, self._parameters(given))
+        cost, broken = self._simulated().complete(x, self.parameters(given))
         if broken > _FEASIBLE:
             return None
         states = x[programme.states] * t.e.state_scale
@@ -326,7 +326,7 @@ class Solver:
     def _run(self, name: str, given: tuple[Any, ...], first: Solution, share: float = 1.0) -> Solution | None:
         """The result of a solver, within a share of the time that is left."""
         programme, t = self._programme, self._transcription
-        p, now = self._parameters(given), time.perf_counter()
+        p, now = self.parameters(given), time.perf_counter()
         try:
             found, stats = self._solver(name)(
                 now + share * max(self._deadline - now, 0.0), x0=first.x, lam_x0=first.lam_x, lam_g0=first.lam_g, p=p,
@@ -354,7 +354,8 @@ class Solver:
         lam_g = self._active(np.asarray(found["lam_g"]).ravel(), g, programme.g_lower, programme.g_upper)
         return Solution(programme, x, lam_x, lam_g, actions, states, f)
 
-    def _parameters(self, given: tuple[Any, ...]) -> FloatArray:
+    def parameters(self, given: tuple[Any, ...]) -> FloatArray:
+        """Scaled parameters of the programme."""
         state, before, constant, varying, at = given
         t = self._transcription
         return np.concatenate([state / t.e.state_scale, before / t.scale, constant, varying, [at]])
