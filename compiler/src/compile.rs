@@ -264,8 +264,8 @@ fn back_end(mut model: Model, settings: &BackEndSettings) -> Result<Parts, BackE
         functions: named.zip(&generated).map(|(name, g)| (name, g.time, g.size())).collect(),
     };
     let codes = generated.into_iter().map(|g| g.codes).collect();
-    let (has_breaks, timed) = (time.next_break.is_some(), time.in_equations);
-    Ok(Parts { model, pattern, tables, codes, prepare_parameters, has_breaks, forcings, timed, has_slopes, watched, statistics })
+    let (breaks, timed) = (time.break_count(), time.in_equations);
+    Ok(Parts { model, pattern, tables, codes, prepare_parameters, breaks, forcings, timed, has_slopes, watched, statistics })
 }
 
 fn check_square(model: &Model) -> Result<usize, BackEndError> {

@@ -201,10 +201,10 @@ impl CompiledModel {
         self.parts.model.quadratures.len()
     }
 
-    /// Returns `true` if equations change their form at times that are known beforehand.
+    /// Number of the breaks: times known beforehand at which an equation changes its form.
     #[must_use]
-    pub(crate) fn has_breaks(&self) -> bool {
-        self.parts.has_breaks
+    pub fn breaks(&self) -> usize {
+        self.parts.breaks as usize
     }
 
     /// Number of expressions that time moves other than along straight lines.

@@ -30,6 +30,8 @@ pub(crate) struct ExplicitTime {
     /// The next break from the present time on, infinite if none. `None` where there are no breaks
     /// at all.
     pub next_break: Option<ExprId>,
+    /// The next time of each break apart.
+    pub breaks: Vec<Looped>,
     /// All forcings.
     pub forcings: Vec<Looped>,
     /// Time occurs in the equations themselves.
@@ -47,9 +49,20 @@ impl ExplicitTime {
     /// Number of values of all forcings.
     #[must_use]
     pub(crate) fn forcing_count(&self) -> u32 {
-        let passes = |(loops, _): &Looped| loops.iter().fold(1_u32, |n, &(_, extent)| n.saturating_mul(extent));
-        self.forcings.iter().map(passes).fold(0, u32::saturating_add)
+        count(&self.forcings)
     }
+
+    /// Number of breaks.
+    #[must_use]
+    pub(crate) fn break_count(&self) -> u32 {
+        count(&self.breaks)
+    }
+}
+
+/// Number of values of expressions over loops.
+fn count(all: &[Looped]) -> u32 {
+    let passes = |(loops, _): &Looped| loops.iter().fold(1_u32, |n, &(_, extent)| n.saturating_mul(extent));
+    all.iter().map(passes).fold(0, u32::saturating_add)
 }
 
 /// Collects the breaks and forcings of equations, integrands and root functions.
@@ -344,11 +357,11 @@ impl<'a> Collector<'a> {
     }
 
     fn finish(mut self) -> ExplicitTime {
+        let looped = |&(value, around): &(ExprId, Extents)| ((0..).zip(around).filter(|&(_, extent)| extent > 0).collect(), value);
+        let (breaks, forcings) = (self.breaks.iter().map(looped).collect(), self.forcings.iter().map(looped).collect());
         let next_break = self.next_break();
-        let loops = |around: Extents| (0..).zip(around).filter(|&(_, extent)| extent > 0).collect();
-        let forcings = self.forcings.into_iter().map(|(value, around)| (loops(around), value)).collect();
         let linear = self.slopes.iter().filter(|(_, slope)| slope.is_some()).map(|(&e, _)| e).collect();
-        ExplicitTime { next_break, forcings, in_equations: false, linear }
+        ExplicitTime { next_break, breaks, forcings, in_equations: false, linear }
     }
 
     /// The least of all next breaks.

@@ -105,9 +105,9 @@ pub(crate) struct Past {
     /// The break that the integration is about to cross, and the one that it has crossed last.
     coming: Option<f64>,
     crossed: Option<f64>,
-    /// Element whose value jumps where the last integration began, and how far behind that values
+    /// Elements whose values jump where the last integration began, and how far behind that values
     /// are looked at, where they jump just behind it.
-    jumped: Option<usize>,
+    jumped: Box<[bool]>,
     ahead: f64,
     /// The shortest and the longest dead time; infinite for residence times, of which all is kept.
     shortest: f64,
@@ -155,7 +155,7 @@ impl Past {
             distinct: Vec::with_capacity(width),
             coming: None,
             crossed: None,
-            jumped: None,
+            jumped: vec![false; width].into_boxed_slice(),
             ahead: 0.0,
             shortest: f64::INFINITY,
             longest: 0.0,
@@ -409,7 +409,7 @@ impl Past {
         self.fill(model, memory, at, false);
         let spot = self.kept.record.locate(self.kept.record.end(), 0.0);
         let mut level = u8::MAX;
-        (self.jumped, self.ahead) = (None, 0.0);
+        self.ahead = 0.0;
         for element in 0..width {
             let (before, slope) = self.kept.record.at(&spot, element);
             let (mut now, near, far) = (values[element], later[element], later[width + element]);
@@ -420,8 +420,8 @@ impl Past {
                 (now, rate, self.ahead) = (near, (far - near) / ahead, ahead);
             }
             let lag = self.kept.lags[element];
-            level = if (now - before).abs() > JUMP * rtol * size {
-                self.jumped = self.jumped.or(Some(element));
+            self.jumped[element] = (now - before).abs() > JUMP * rtol * size;
+            level = if self.jumped[element] {
                 0
             } else if (rate - slope).abs() * lag > KINK * rtol * size {
                 level.min(1)
@@ -441,10 +441,16 @@ impl Past {
         }
     }
 
-    /// The place at which the last integration began, if delayed expressions jump there, and the
-    /// call of one that does.
+    /// The place at which the last integration began, and the first delayed expression that jumps
+    /// there, if one does.
     pub(crate) fn jump(&self, time: f64) -> Option<(f64, usize)> {
-        self.jumped.map(|element| (self.crossed.unwrap_or(time), element))
+        self.jumped.iter().position(|&jumps| jumps).map(|element| (self.crossed.unwrap_or(time), element))
+    }
+
+    /// Extent of the next times at which delayed values are not smooth, as far as they are near
+    /// each other.
+    pub(crate) fn next_breaks(&self) -> (f64, f64) {
+        if self.kept.source == Source::Record { self.kept.marks.next_span() } else { (f64::INFINITY, f64::INFINITY) }
     }
 
     /// The break that was crossed where the last integration began.

@@ -127,7 +127,7 @@ impl CompiledModel {
 
     /// The first time from `t` on at which an equation changes its form; infinite if it never does.
     pub fn next_break(&self, m: &mut Memory, t: f64) -> f64 {
-        if !self.has_breaks() {
+        if self.breaks() == 0 {
             return f64::INFINITY;
         }
         self.check_memory(m);

@@ -80,8 +80,8 @@ pub(crate) struct Parts {
     pub(crate) codes: Vec<Vec<Code>>,
     /// Fills the caches that depend on parameters; interpreted.
     pub(crate) prepare_parameters: Staged,
-    /// An equation changes its form at times known beforehand.
-    pub(crate) has_breaks: bool,
+    /// Number of the breaks: times known beforehand at which an equation changes its form.
+    pub(crate) breaks: u32,
     /// Number of expressions that time moves other than along straight lines.
     pub(crate) forcings: u32,
     /// Time occurs in the equations.

@@ -45,8 +45,8 @@ pub enum Part {
     Quadratures,
     /// The residual, rows in the order of `y`.
     Rows,
-    /// The next time at which an equation changes its form: one number.
-    NextBreak,
+    /// The next times at which an equation changes its form: that of each break.
+    Breaks,
     /// Present values of the delayed expressions.
     Delayed,
     /// Their dead times.
@@ -169,7 +169,7 @@ impl CompiledModel {
         let (staged, out) = if part == Part::Rows {
             (Staged::of_rows(&rows), self.unknowns())
         } else {
-            (explicit_time::collect(&mut model, &rows).next_break.map_or_else(Staged::default, |value| Staged::of_numbers([value])), 1)
+            (Staged::of_lists(explicit_time::collect(&mut model, &rows).breaks), self.breaks())
         };
         Ok(Tape::new(&staged, &model.exprs, &self.layout, Access { name: "rows", y: true, yp: true, out })?)
     }
@@ -349,7 +349,7 @@ fn place(part: Part) -> usize {
         Part::Roots,
         Part::Quadratures,
         Part::Rows,
-        Part::NextBreak,
+        Part::Breaks,
         Part::Delayed,
         Part::Lags,
     ];

@@ -61,23 +61,40 @@ impl Marks {
         self.breaks.iter().filter(|b| !b.done).map(|b| b.time).fold(f64::INFINITY, f64::min)
     }
 
-    /// Breaks at a time at which delayed values jump: where each comes from, and how much later it
-    /// is.
-    pub(super) fn jumps_at(&self, time: f64) -> impl Iterator<Item = (f64, f64)> {
-        let here = self.breaks.iter().filter(move |b| !b.done && b.level == 0 && are_near(b.time, time));
+    /// Extent of the next breaks that are left behind together.
+    pub(super) fn next_span(&self) -> (f64, f64) {
+        let first = self.next();
+        let mut last = first;
+        loop {
+            let reach = last + near(last);
+            let further = self.breaks.iter().filter(|b| !b.done && b.time <= reach).map(|b| b.time).fold(last, f64::max);
+            if further <= last {
+                return (first, last);
+            }
+            last = further;
+        }
+    }
+
+    /// Breaks in a span of time at which delayed values jump: where each comes from, and how much
+    /// later it is.
+    pub(super) fn jumps_in(&self, (first, last): (f64, f64)) -> impl Iterator<Item = (f64, f64)> {
+        let here = self.breaks.iter().filter(move |b| !b.done && b.level == 0 && b.time >= first && b.time <= last);
         here.map(|b| (b.source, b.time - b.source))
     }
 
-    /// Notes a place with these distinct dead times behind it.
+    /// Notes a place with these distinct dead times behind it. A place near a smoother one replaces
+    /// it.
     pub(super) fn add(&mut self, time: f64, level: Level, lags: &[f64]) {
         if level > SMOOTHEST {
             return;
         }
         if let Some(mark) = self.marks.iter_mut().rev().find(|mark| (mark.time - time).abs() <= near(time)) {
-            if level < mark.level {
+            if level < mark.level || level == 0 {
+                let source = std::mem::replace(&mut mark.time, time);
                 mark.level = level;
-                let source = mark.time;
-                self.breaks.iter_mut().filter(|b| b.source == source).for_each(|b| b.level = level);
+                for b in self.breaks.iter_mut().filter(|b| b.source == source) {
+                    *b = Break { time: time + (b.time - source), source: time, level, done: b.done };
+                }
             }
             return;
         }
@@ -149,5 +166,18 @@ mod tests {
         marks.add(3.0, 2, &lags);
         marks.add(3.0 + 1e-12, 0, &lags);
         assert_eq!((marks.marks.len(), marks.breaks.len(), marks.breaks[0].level), (1, 2, 0));
+        assert_eq!((marks.marks[0].time, marks.next()), (3.0 + 1e-12, 4.0 + 1e-12));
+    }
+
+    #[test]
+    fn breaks_near_each_other_are_left_behind_together() {
+        let (mut marks, lags) = (Marks::default(), [1.0, 0.5]);
+        marks.add(1.0, 0, &lags);
+        marks.add(1.5 + 1e-12, 0, &lags);
+        marks.begin(1.5 + 2e-12, false, &lags);
+        assert_eq!(marks.next_span(), (2.0, 2.0 + 1e-12));
+        assert_eq!(marks.jumps_in(marks.next_span()).count(), 2);
+        marks.begin(2.0 + 2e-12, false, &lags);
+        assert_eq!(marks.next_span().0, 2.5);
     }
 }

@@ -9,6 +9,7 @@ use smpl_compiler::compiled::tangent::Part;
 use smpl_compiler::ir::DelaySlot;
 use smpl_compiler::layout::Region;
 
+use super::marks::are_near;
 use super::record::{Record, TERMS, nodes};
 use super::{Past, SLOTS};
 use crate::sensitivity::tangents::{Point, Tangents};
@@ -24,9 +25,9 @@ pub(crate) struct MovedPast {
     tangents: Tangents,
     /// Those of each element along each direction.
     record: Record,
-    /// Times of jumps that move, and their derivatives; not a number where two jumps at one time
+    /// Times of jumps of an element, and their derivatives; not a number where two at one time
     /// differ.
-    motions: Vec<(f64, Vec<f64>)>,
+    motions: Vec<(f64, usize, Vec<f64>)>,
     /// Directions along which something has moved.
     awake: Vec<bool>,
     /// Values at the present time.
@@ -105,7 +106,7 @@ impl MovedPast {
     pub(crate) fn begin(&mut self, time: f64, crossed: Option<f64>) {
         self.crossed = crossed;
         self.record.cut(time);
-        self.motions.retain(|(at, _)| *at <= crossed.unwrap_or(time).max(time));
+        self.motions.retain(|(at, ..)| *at <= crossed.unwrap_or(time).max(time));
     }
 
     /// Notes which directions move something, from the derivatives of inputs and unknowns.
@@ -201,31 +202,27 @@ impl MovedPast {
         Ok(())
     }
 
-    /// Notes that a delayed expression jumps at a time, which moves like this.
-    pub(crate) fn note_jump(&mut self, time: f64, moving: &[f64]) {
-        let known = self.motions.iter_mut().find(|(at, _)| super::marks::are_near(*at, time));
+    /// Notes that those delayed expressions that jump at a time do so at one that moves like this.
+    pub(crate) fn note_jumps(&mut self, past: &Past, time: f64, moving: &[f64]) {
         let still = |j: usize| moving.get(j).copied().unwrap_or(0.0);
-        let width = self.awake.len();
-        match known {
-            Some((_, along)) => along.iter_mut().enumerate().for_each(|(j, along)| *along = together(*along, still(j))),
-            None => self.motions.push((time, (0..width).map(still).collect())),
+        let width = self.width();
+        for element in (0..past.jumped.len()).filter(|&element| past.jumped[element]) {
+            match self.motions.iter_mut().find(|(at, of, _)| *of == element && are_near(*at, time)) {
+                Some((_, _, along)) => along.iter_mut().enumerate().for_each(|(j, along)| *along = together(*along, still(j))),
+                None => self.motions.push((time, element, (0..width).map(still).collect())),
+            }
         }
     }
 
-    /// Derivatives of the time of the breaks at a time at which delayed values jump. `tangents`
-    /// hold those of the dead times as outputs. NaN where they differ.
-    pub(crate) fn motion_of_break(&self, past: &Past, at: f64, out: &mut Vec<f64>) {
-        out.clear();
-        out.resize(self.width(), 0.0);
-        let mut first = true;
-        for (source, lag) in past.kept.marks.jumps_at(at) {
-            let of_source = self.motions.iter().find(|(at, _)| super::marks::are_near(*at, source)).map(|(_, along)| along);
+    /// Derivatives of the time at which delayed values jump in a span of time. `tangents` hold
+    /// those of the dead times as outputs. NaN where they differ.
+    pub(crate) fn motion_of_breaks(&self, past: &Past, span: (f64, f64), motion: &mut Motion<'_>) {
+        for (source, lag) in past.kept.marks.jumps_in(span) {
             for element in past.elements_with(lag) {
-                for (j, out) in out.iter_mut().enumerate() {
-                    let own = of_source.map_or(0.0, |along| along[j]) + self.tangents.output(element, j);
-                    *out = if first { own } else { together(*out, own) };
+                let of_source = self.motions.iter().find(|(at, of, _)| *of == element && are_near(*at, source));
+                if let Some((_, _, along)) = of_source {
+                    motion.add(|j| along[j] + self.tangents.output(element, j));
                 }
-                first = false;
             }
         }
     }
@@ -242,11 +239,33 @@ impl MovedPast {
     pub(crate) fn trim(&mut self, past: &Past, time: f64) {
         let reach = time - past.longest * (1.0 + super::SLACK);
         self.record.trim(reach);
-        self.motions.retain(|(at, _)| *at >= reach);
+        self.motions.retain(|(at, ..)| *at >= reach);
+    }
+}
+
+/// Derivatives of the time of several breaks along each direction; not a number where they differ.
+pub(crate) struct Motion<'a> {
+    along: &'a mut Vec<f64>,
+    /// No break was added so far.
+    pub(crate) first: bool,
+}
+
+impl<'a> Motion<'a> {
+    /// Of no break so far.
+    pub(crate) fn new(along: &'a mut Vec<f64>, width: usize) -> Self {
+        along.clear();
+        along.resize(width, 0.0);
+        Self { along, first: true }
+    }
+
+    /// Adds a break.
+    pub(crate) fn add(&mut self, of: impl Fn(usize) -> f64) {
+        let first = std::mem::replace(&mut self.first, false);
+        self.along.iter_mut().enumerate().for_each(|(j, along)| *along = if first { of(j) } else { together(*along, of(j)) });
     }
 }
 
 /// The derivative that two have in common; not a number where they differ.
-pub(crate) fn together(a: f64, b: f64) -> f64 {
+fn together(a: f64, b: f64) -> f64 {
     if (a - b).abs() <= TOGETHER * a.abs().max(b.abs()) { a } else { f64::NAN }
 }

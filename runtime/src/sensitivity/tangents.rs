@@ -196,6 +196,11 @@ impl Tangents {
         Ok(())
     }
 
+    /// An output of the last run.
+    pub(crate) fn value(&self, at: usize) -> f64 {
+        self.out[at]
+    }
+
     /// Derivative of an output of the last run.
     pub(crate) fn output(&self, at: usize, direction: usize) -> f64 {
         self.chunks[direction / LANES].out[at][direction % LANES]

@@ -7,7 +7,7 @@ use smpl_compiler::model::RootAction;
 
 use super::space::{BEFORE, BEHIND, Space};
 use super::{Direction, Engine, Environment, FollowError, Follower};
-use crate::past::moved::together;
+use crate::past::moved::Motion;
 use crate::past::name_of;
 use crate::sensitivity::augmented::Augmented;
 use crate::sensitivity::tangents::Point;
@@ -27,7 +27,7 @@ const TOGETHER: f64 = 1e-6;
 /// Extent of a piece of the integration.
 struct Stop {
     time: f64,
-    /// A break at its end, which moves as the space of the follower says, and a time behind it.
+    /// A break at its end, which moves as the space of the follower shows, and a time behind it.
     break_: Option<(f64, f64)>,
 }
 
@@ -140,8 +140,10 @@ impl Environment {
     /// The end, or the next break before it.
     fn next_stop(&mut self, follower: &mut Follower, t: f64, end: f64, pieces: u32) -> Result<Stop, FollowError> {
         let near = NEAR * t.abs().max(end.abs());
-        let (own, of_past) = (self.system.next_break_of_equations(t), follower.engine.augmented.system.next_break_of_past());
-        let at = own.min(of_past);
+        let own = self.system.next_break_of_equations(t);
+        let past = follower.engine.augmented.system.past_mut();
+        let of_past = past.map_or((f64::INFINITY, f64::INFINITY), |past| past.next_breaks());
+        let at = own.min(of_past.0);
         if at.is_nan() || at > end + near || t >= end {
             return Ok(Stop { time: end, break_: None });
         }
@@ -150,34 +152,43 @@ impl Environment {
         if !left_behind && at - width >= end {
             return Ok(Stop { time: end, break_: None });
         }
-        follower.space.next_break.clear();
-        follower.space.next_break.resize(follower.width(), 0.0);
-        if of_past <= at + near {
-            self.find_motion_of_past(follower, t, of_past)?;
-        }
-        if own <= at + near {
-            self.run_tangent(follower, Part::NextBreak, (t, &[]), 1)?;
-            let Follower { tangents, space, .. } = follower;
-            let each = space.next_break.iter_mut().enumerate();
-            each.for_each(|(j, along)| {
-                *along = if of_past <= at + near { together(*along, tangents.output(0, j)) } else { tangents.output(0, j) }
-            });
-        }
+        let [own, of_past] = [(own, own), of_past].map(|span| Some(span).filter(|(first, _)| *first <= at + near));
+        let last = own.iter().chain(&of_past).fold(at, |last, span| last.max(span.1));
+        self.find_motion_of_breaks(follower, t, own.map(|own| (own.0, width)), of_past)?;
         // A break that is not left behind by roundings is by a few more of them.
         let width = if left_behind { width * f64::from(1 + pieces.min(1000)) } else { width };
-        let behind = (at.max(t) + width).min(end);
+        let behind = (last.max(t) + width).min(end);
         Ok(Stop { time: if left_behind { t } else { (at - width).min(end) }, break_: Some((at, behind)) })
     }
 
-    /// Derivatives of the time at which delayed values jump next.
-    fn find_motion_of_past(&mut self, follower: &mut Follower, t: f64, at: f64) -> Result<(), FollowError> {
-        let Follower { engine: Engine { augmented, .. }, space, .. } = follower;
-        let Some(moved) = &mut augmented.past else { return Ok(()) };
-        let point = Point { time: t, moving: &[], y: &self.progress.y, yp: &self.progress.yp };
-        moved.find_lags(&augmented.system, point).map_err(FollowError::Refused)?;
-        if let Some(past) = augmented.system.past_mut() {
-            moved.motion_of_break(past, at, &mut space.next_break);
+    /// Derivatives of the time of the next breaks: of the equations about a time, and of delayed
+    /// values that jump in a span of time.
+    fn find_motion_of_breaks(
+        &mut self,
+        follower: &mut Follower,
+        t: f64,
+        own: Option<(f64, f64)>,
+        of_past: Option<(f64, f64)>,
+    ) -> Result<(), FollowError> {
+        let mut along = std::mem::take(&mut follower.space.next_break);
+        let mut motion = Motion::new(&mut along, follower.width());
+        let augmented = &mut follower.engine.augmented;
+        if let (Some(span), Some(moved)) = (of_past, &mut augmented.past) {
+            let point = Point { time: t, moving: &[], y: &self.progress.y, yp: &self.progress.yp };
+            moved.find_lags(&augmented.system, point).map_err(FollowError::Refused)?;
+            if let Some(past) = augmented.system.past_mut() {
+                moved.motion_of_breaks(past, span, &mut motion);
+            }
         }
+        if let Some((at, reach)) = own {
+            let breaks = self.system.model().breaks();
+            self.run_tangent(follower, Part::Breaks, (t, &[]), breaks)?;
+            let tangents = &follower.tangents;
+            let here = (0..breaks).filter(|&k| (tangents.value(k) - at).abs() <= reach);
+            here.for_each(|k| motion.add(|j| tangents.output(k, j)));
+        }
+        follower.space.jumps = !motion.first;
+        follower.space.next_break = along;
         Ok(())
     }
 
@@ -195,7 +206,7 @@ impl Environment {
 
     /// Notes where delayed expressions jump, and where their derivatives may.
     fn note_jumps(&mut self, follower: &mut Follower, t: f64, beginning: Beginning) -> Result<(), FollowError> {
-        let Follower { engine: Engine { augmented, .. }, moving, directions, step, .. } = follower;
+        let Follower { engine: Engine { augmented, .. }, moving, directions, step, space, .. } = follower;
         let (Some(moved), Some(past)) = (&mut augmented.past, augmented.system.past_mut()) else { return Ok(()) };
         let first = *step == 0;
         let starts = |d: &Direction| matches!(d, Direction::ActionIn(of, _) if of == step) || matches!(d, Direction::Disturbance(_));
@@ -208,12 +219,16 @@ impl Environment {
             past.mark(t);
         }
         let Some((at, element)) = past.jump(t) else { return Ok(()) };
+        if matches!(beginning, Beginning::Break(_)) && !space.jumps {
+            // What jumps at a smooth place belongs to an event that follows at once.
+            return Ok(());
+        }
         if let Some(varying) = past.varying() {
             let (jumping, varying) = (name_of(self.system.model(), element), name_of(self.system.model(), varying));
             let text = format!("what `{jumping}` delays jumps at t = {at}, and the dead time of `{varying}` changes within steps");
             return Err(FollowError::Refused(text));
         }
-        moved.note_jump(at, moving);
+        moved.note_jumps(past, at, moving);
         Ok(())
     }
 
@@ -237,7 +252,8 @@ impl Environment {
     /// Goes behind a break, whose time may move.
     fn pass_break(&mut self, follower: &mut Follower, (at, behind): (f64, f64)) -> Result<(), FollowError> {
         self.take_rates(follower, BEFORE);
-        self.take_integrands(follower, BEFORE, behind, 0.0);
+        let before = follower.engine.integrator.time();
+        self.take_integrands(follower, BEFORE, before, 0.0);
         self.system.crosses(at);
         self.restart_plain(behind, follower.width())?;
         follower.moving.clone_from(&follower.space.next_break);
@@ -250,15 +266,17 @@ impl Environment {
         Ok(())
     }
 
-    /// Refuses a break at which two jumps come together that move differently, if rates jump there.
+    /// Refuses a break at which two jumps come together that move differently, if rates or
+    /// integrands jump there.
     fn refuse_two_motions(&mut self, follower: &mut Follower, at: f64) -> Result<(), FollowError> {
         let Follower { moving, space, .. } = follower;
         let Some(direction) = moving.iter().position(|tau| tau.is_nan()) else { return Ok(()) };
-        let [before, behind] = &space.rates;
-        let states = before.iter().zip(behind).take(self.system.model().states());
-        let jumps = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
-        if states.into_iter().any(jumps) {
-            let text = format!("delayed values jump together at t = {at}, at times that move differently along direction {direction}");
+        let jump = |[before, behind]: &[Vec<f64>; 2], count: usize| {
+            let jumps = |(a, b): (&f64, &f64)| (a - b).abs() > TOGETHER * a.abs().max(b.abs());
+            before.iter().zip(behind).take(count).any(jumps)
+        };
+        if jump(&space.rates, self.system.model().states()) || jump(&space.integrands, self.integrals.len()) {
+            let text = format!("values jump together at t = {at}, at times that move differently along direction {direction}");
             return Err(FollowError::Refused(text));
         }
         moving.iter_mut().filter(|tau| tau.is_nan()).for_each(|tau| *tau = 0.0);

@@ -21,6 +21,8 @@ pub(super) struct Space {
     /// break.
     pub motion: Vec<f64>,
     pub next_break: Vec<f64>,
+    /// Something jumps at the next break, as far as is known beforehand.
+    pub jumps: bool,
     /// Cells of parameters and directions with the derivatives.
     pub columns: Vec<(usize, usize, f64)>,
 }
