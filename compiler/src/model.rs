@@ -12,6 +12,7 @@ use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, MAX_DEPTH, Program, Role,
 use cranelift_entity::PrimaryMap;
 
 mod interface;
+pub(crate) mod number;
 mod quantity;
 mod settings;
 mod test;
@@ -179,10 +180,13 @@ pub struct Delay {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Lag {
     /// Not within an episode.
+    #[serde(rename = "never")]
     Constant,
     /// At sampling instants and events.
+    #[serde(rename = "step")]
     Held,
     /// At any time.
+    #[serde(rename = "always")]
     Varying,
 }
 
@@ -241,28 +245,35 @@ pub struct Programs {
     pub before: Program,
 }
 
+/// The programs with their names, by shared or by unique references; every field is listed.
+macro_rules! named_programs {
+    ($programs:expr, $iter:ident, $($field:ident)*) => {{
+        let Programs { $($field,)* events, policies } = $programs;
+        let events = events.$iter().enumerate().map(|(i, program)| (format!("event {i}"), program));
+        let policies = policies.$iter().map(|(name, program)| (format!("policy {name}"), program));
+        [$((stringify!($field).to_owned(), $field)),*].into_iter().chain(events).chain(policies)
+    }};
+    ($programs:expr, $iter:ident) => {
+        named_programs!(
+            $programs, $iter,
+            parameters initial_states initial_discretes steady start_conditions disturb start end finish outputs invariants boxes
+            delayed lags before
+        )
+    };
+}
+
 impl Programs {
+    /// Programs that texts leave out where they do nothing.
+    pub(crate) const OPTIONAL: [&str; 4] = ["start_conditions", "delayed", "lags", "before"];
+
     /// All of them with their names: `event 0`, `policy nominal`, the others as the fields are
     /// called.
-    pub(crate) fn named(&self) -> Vec<(String, &Program)> {
-        let fixed = [
-            ("parameters", &self.parameters),
-            ("initial_states", &self.initial_states),
-            ("initial_discretes", &self.initial_discretes),
-            ("steady", &self.steady),
-            ("start_conditions", &self.start_conditions),
-            ("disturb", &self.disturb),
-            ("start", &self.start),
-            ("end", &self.end),
-            ("finish", &self.finish),
-            ("outputs", &self.outputs),
-            ("invariants", &self.invariants),
-            ("boxes", &self.boxes),
-        ];
-        let delays = [("delayed", &self.delayed), ("lags", &self.lags), ("before", &self.before)];
-        let delays = delays.into_iter().filter(|(_, program)| !program.nests.is_empty());
-        let events = self.events.iter().enumerate().map(|(i, e)| (format!("event {i}"), e));
-        let policies = self.policies.iter().map(|(name, program)| (format!("policy {name}"), program));
-        fixed.into_iter().chain(delays).map(|(name, p)| (name.to_owned(), p)).chain(events).chain(policies).collect()
+    pub(crate) fn named(&self) -> impl Iterator<Item = (String, &Program)> {
+        named_programs!(self, iter)
+    }
+
+    /// All of them, to be changed.
+    pub(crate) fn named_mut(&mut self) -> impl Iterator<Item = (String, &mut Program)> {
+        named_programs!(self, iter_mut)
     }
 }

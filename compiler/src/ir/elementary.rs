@@ -14,19 +14,12 @@ macro_rules! elementary {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
         #[allow(missing_docs, reason = "the names say it")]
         pub enum UnaryFn {
-            $($(#[$about])* $name,)*
+            $($(#[$about])* #[serde(rename = $word)] $name,)*
         }
 
         impl UnaryFn {
             /// All of them.
             pub(crate) const ALL: &[UnaryFn] = &[$(UnaryFn::$name),*];
-
-            /// Name in JSON.
-            pub(crate) fn word(self) -> &'static str {
-                match self {
-                    $(UnaryFn::$name => $word,)*
-                }
-            }
 
             /// The kernel that works it out; `None` for those that are single machine instructions.
             #[must_use]

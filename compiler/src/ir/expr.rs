@@ -21,6 +21,7 @@ entity_impl!(ExprId, "e");
 
 /// Copy of a variable that a load reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Flavour {
     /// The present value.
     Value,
@@ -87,6 +88,27 @@ pub enum Expr {
         /// The term.
         body: ExprId,
     },
+}
+
+impl Expr {
+    /// The node with other operands.
+    #[must_use]
+    pub(crate) fn with_operands(self, operand: impl Fn(ExprId) -> ExprId) -> Expr {
+        match self {
+            Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => self,
+            Expr::Unary(f, a) => Expr::Unary(f, operand(a)),
+            Expr::Binary(f, a, b) => Expr::Binary(f, operand(a), operand(b)),
+            Expr::PowInt(a, n) => Expr::PowInt(operand(a), n),
+            Expr::Compare(f, a, b) => Expr::Compare(f, operand(a), operand(b)),
+            Expr::And(a, b) => Expr::And(operand(a), operand(b)),
+            Expr::Or(a, b) => Expr::Or(operand(a), operand(b)),
+            Expr::Not(a) => Expr::Not(operand(a)),
+            Expr::Select(c, a, b) => Expr::Select(operand(c), operand(a), operand(b)),
+            Expr::Passed(limits, side, a) => Expr::Passed(limits, side, operand(a)),
+            Expr::Entry(list, a) => Expr::Entry(list, operand(a)),
+            Expr::Reduce { op, depth, extent, body } => Expr::Reduce { op, depth, extent, body: operand(body) },
+        }
+    }
 }
 
 /// Bit of a node that contains the time derivative of something, above those of the loop counters.
@@ -213,7 +235,7 @@ impl Exprs {
         Self::operands_of(self.nodes[id.index()])
     }
 
-    pub(super) fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
+    pub(crate) fn operands_of(node: Expr) -> impl Iterator<Item = ExprId> {
         let (n, ops) = match node {
             Expr::Const(_) | Expr::Truth(_) | Expr::Time | Expr::Counter(_) | Expr::Load { .. } => (0, [ExprId(0); 3]),
             Expr::Unary(_, a) | Expr::PowInt(a, _) | Expr::Not(a) | Expr::Passed(_, _, a) | Expr::Entry(_, a) => (1, [a; 3]),

@@ -8,13 +8,21 @@ use crate::kernels;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "the names say it")]
 pub enum BinaryFn {
+    #[serde(rename = "add")]
     Add,
+    #[serde(rename = "subtract")]
     Sub,
+    #[serde(rename = "multiply")]
     Mul,
+    #[serde(rename = "divide")]
     Div,
+    #[serde(rename = "power")]
     Pow,
+    #[serde(rename = "min")]
     Min,
+    #[serde(rename = "max")]
     Max,
+    #[serde(rename = "atan2")]
     Atan2,
 }
 
@@ -22,9 +30,13 @@ pub enum BinaryFn {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "the names say it")]
 pub enum Compare {
+    #[serde(rename = "less")]
     Lt,
+    #[serde(rename = "less_equal")]
     Le,
+    #[serde(rename = "equal")]
     Eq,
+    #[serde(rename = "unequal")]
     Ne,
 }
 
@@ -32,9 +44,13 @@ pub enum Compare {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "the names say it")]
 pub enum ReduceFn {
+    #[serde(rename = "sum")]
     Sum,
+    #[serde(rename = "product")]
     Product,
+    #[serde(rename = "minimum")]
     Min,
+    #[serde(rename = "maximum")]
     Max,
 }
 

@@ -27,8 +27,10 @@ impl List {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Side {
     /// Those below it.
+    #[serde(rename = "passed_below")]
     Below,
     /// Those below it, and the one that it is equal to.
+    #[serde(rename = "passed_up_to")]
     UpTo,
 }
 

@@ -10,12 +10,14 @@ entity_impl!(VarId, "v");
 
 /// Storage of a variable's values, and the time of their changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Role {
     /// Differential unknown.
     State,
     /// Algebraic unknown, or a variable to be substituted (structure decides).
     Algebraic,
     /// Constant over an episode.
+    #[serde(rename = "parameter")]
     Param,
     /// Input held over a step.
     Action,
@@ -26,6 +28,7 @@ pub enum Role {
     /// Standard variate (uniform on (0,1) or standard normal) filled in by the runtime.
     Draw,
     /// Number of the quadrature over the current step.
+    #[serde(rename = "integral")]
     Quadrature,
     /// Earlier values of expressions, filled in by the runtime: [`DELAY_SLOTS`] numbers for each
     /// element, see [`DelaySlot`].
@@ -34,6 +37,7 @@ pub enum Role {
     Builtin,
     /// 1 where the parameter was given from outside and must not be computed or drawn; same shape
     /// as the parameters.
+    #[serde(rename = "given")]
     ParamGiven,
     /// Value computed ahead of the step by a preparing program (hoisted).
     Cache,

@@ -1,211 +1,182 @@
-//! Expressions, addresses and programs of a JSON text.
+//! Expressions as a list of nodes, operands before their users. A node is a list of its kind and
+//! its operands, `["multiply", 0, 4]`.
 
-use cranelift_entity::{EntityRef, PrimaryMap};
+use std::fmt;
 
-use super::cursor::{At, ReadError};
-use super::words::meaning;
-use crate::ir::{Affine, Expr, ExprId, Exprs, Flavour, List, LoopVar, MAX_DEPTH, Nest, Place, Program, Role, Side, Store, Target, VarId};
-use crate::model::Variable;
+use cranelift_entity::EntityRef;
+use serde::de::value::StrDeserializer;
+use serde::de::{Error, IgnoredAny, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::address::Address;
+use crate::ir::{Expr, ExprId, Exprs, FastMap, List, LoopVar, MAX_DEPTH, Side};
+use crate::model::number::Number;
 
 /// Most nodes inside one another: passes follow them.
 const MAX_NESTING: u32 = 10_000;
 
-/// Most passes of one loop.
-const MAX_EXTENT: u32 = 100_000_000;
-
-/// Largest offset and factor of an address: sums of products with passes stay far from the ends of
-/// 64 bits.
-const MAX_STRIDE: i64 = 1 << 32;
-
-/// The nodes of a text: each with its place among the expressions.
-pub(super) struct Nodes {
-    pub(super) exprs: Exprs,
-    ids: Vec<ExprId>,
-    /// Nodes inside one another below each.
-    nesting: Vec<u32>,
+/// A node. Its operands are positions in the list of nodes.
+pub(super) struct Node {
+    /// The expression; of a list that it looks up, its length alone counts.
+    expr: Expr,
+    /// The list that it looks up.
+    list: Vec<Number>,
 }
 
-impl Nodes {
-    /// Reads the list.
-    pub(super) fn read(list: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<Nodes, ReadError> {
-        let mut nodes = Nodes { exprs: Exprs::default(), ids: vec![], nesting: vec![] };
-        for item in list.items()? {
-            let looked_up = nodes.list(&item)?;
-            let (node, nesting) = nodes.node(&item, looked_up, vars)?;
-            if nesting > MAX_NESTING {
-                return Err(item.fault(format!("more than {MAX_NESTING} expressions inside one another")));
-            }
-            let id = nodes.exprs.raw(node);
-            nodes.ids.push(id);
-            nodes.nesting.push(nesting);
-        }
-        Ok(nodes)
-    }
-
-    /// The node at a position, which has to be a number.
-    pub(super) fn number(&self, at: &At<'_>) -> Result<ExprId, ReadError> {
-        self.operand(at, false)
-    }
-
-    /// The node at a position; what is stored may be a truth value.
-    fn any(&self, at: &At<'_>) -> Result<ExprId, ReadError> {
-        Ok(self.ids[at.index(self.ids.len(), "node")?])
-    }
-
-    fn operand(&self, at: &At<'_>, truth: bool) -> Result<ExprId, ReadError> {
-        let id = self.any(at)?;
-        if self.exprs.is_truth(id) == truth {
-            return Ok(id);
-        }
-        let (is, wanted) = if truth { ("a number", "a truth value") } else { ("a truth value", "a number") };
-        Err(at.fault(format!("node {} is {is}, {wanted} is expected", at.value())))
-    }
-
-    /// The list that a node looks something up in.
-    fn list(&mut self, item: &At<'_>) -> Result<Option<List>, ReadError> {
-        let parts: Vec<At<'_>> = item.items()?.collect();
-        let [kind, _, list] = parts.as_slice() else { return Ok(None) };
-        let kind = kind.text()?;
-        if kind == "entry" {
-            let numbers = list.list(|x| x.number())?;
-            return if numbers.is_empty() {
-                Err(list.fault("a list of no numbers"))
-            } else {
-                Ok(Some(self.exprs.lists_mut().add(&numbers)))
-            };
-        }
-        if meaning::<Side>(kind).is_none() {
-            return Ok(None);
-        }
-        let limits = list.list(|limit| limit.number_that("finite", f64::is_finite))?;
-        if limits.is_empty() || !limits.is_sorted() {
-            return Err(list.fault("limits are numbers that ascend, one at least"));
-        }
-        Ok(Some(self.exprs.lists_mut().add_limits(&limits)))
-    }
-
-    /// A node and how deep it is.
-    fn node(&self, item: &At<'_>, looked_up: Option<List>, vars: &PrimaryMap<VarId, Variable>) -> Result<(Expr, u32), ReadError> {
-        let parts: Vec<At<'_>> = item.items()?.collect();
-        let Some((head, rest)) = parts.split_first() else { return Err(item.fault("a node begins with its kind")) };
-        let kind = head.text()?;
-        let takes = |count: usize| {
-            if rest.len() == count { Ok(()) } else { Err(item.fault(format!("`{kind}` is followed by {count}, here by {}", rest.len()))) }
+/// The nodes that some expressions are made of, and the position of each.
+pub(super) fn written(exprs: &Exprs, used: Vec<ExprId>) -> (Vec<Node>, FastMap<ExprId, ExprId>) {
+    let order = exprs.below_in_order(used);
+    let positions: FastMap<ExprId, ExprId> = order.iter().enumerate().map(|(i, e)| (*e, ExprId::new(i))).collect();
+    let node = |&e: &ExprId| {
+        let expr = exprs.node(e);
+        let list = match expr {
+            Expr::Passed(list, ..) | Expr::Entry(list, _) => exprs.lists().of(list).iter().map(|&x| Number(x)).collect(),
+            _ => Vec::new(),
         };
-        let number = |i: usize| self.operand(&rest[i], false);
-        let truth = |i: usize| self.operand(&rest[i], true);
-        let node = match kind {
-            "constant" => takes(1).and_then(|()| Ok(Expr::Const(rest[0].number()?.to_bits())))?,
-            "truth" => takes(1).and_then(|()| Ok(Expr::Truth(rest[0].flag()?)))?,
-            "time" => takes(0).map(|()| Expr::Time)?,
-            "counter" => takes(1).and_then(|()| Ok(Expr::Counter(counter(&rest[0])?)))?,
-            "load" => takes(3).and_then(|()| load(rest, vars))?,
-            "integer_power" => takes(2).and_then(|()| Ok(Expr::PowInt(number(0)?, rest[1].integer(i64::from(i32::MAX))? as i32)))?,
-            "and" => takes(2).and_then(|()| Ok(Expr::And(truth(0)?, truth(1)?)))?,
-            "or" => takes(2).and_then(|()| Ok(Expr::Or(truth(0)?, truth(1)?)))?,
-            "not" => takes(1).and_then(|()| Ok(Expr::Not(truth(0)?)))?,
-            "select" => takes(3).and_then(|()| Ok(Expr::Select(truth(0)?, number(1)?, number(2)?)))?,
+        Node { expr: expr.with_operands(|operand| positions[&operand]), list }
+    };
+    (order.iter().map(node).collect(), positions)
+}
+
+/// Expressions of a list of nodes, and the expression at each position.
+///
+/// # Errors
+/// The position of a node that cannot be one, and the reason.
+pub(super) fn read(nodes: Vec<Node>) -> Result<(Exprs, Vec<ExprId>), (usize, String)> {
+    let (mut exprs, mut ids, mut nesting) = (Exprs::default(), Vec::<ExprId>::new(), Vec::<u32>::new());
+    for (position, Node { mut expr, list }) in nodes.into_iter().enumerate() {
+        let mut deepest = 0;
+        for operand in Exprs::operands_of(expr) {
+            let Some(below) = nesting.get(operand.index()) else {
+                return Err((position, format!("there is no node {} before it", operand.index())));
+            };
+            deepest = deepest.max(below + 1);
+        }
+        if deepest > MAX_NESTING {
+            return Err((position, format!("more than {MAX_NESTING} expressions inside one another")));
+        }
+        let numbers: Vec<f64> = list.into_iter().map(|x| x.0).collect();
+        match &mut expr {
+            Expr::Passed(..) | Expr::Entry(..) if numbers.is_empty() => return Err((position, "its list is empty".into())),
+            Expr::Passed(limits, ..) if numbers.iter().all(|x| x.is_finite()) && numbers.is_sorted() => {
+                *limits = exprs.lists_mut().add_limits(&numbers);
+            }
+            Expr::Passed(..) => return Err((position, "limits are finite numbers in ascending order".into())),
+            Expr::Entry(list, _) => *list = exprs.lists_mut().add(&numbers),
+            _ => {}
+        }
+        ids.push(exprs.raw(expr.with_operands(|operand| ids[operand.index()])));
+        nesting.push(deepest);
+    }
+    Ok((exprs, ids))
+}
+
+impl Serialize for Node {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self.expr {
+            Expr::Const(bits) => ("constant", Number(f64::from_bits(bits))).serialize(s),
+            Expr::Truth(truth) => ("truth", truth).serialize(s),
+            Expr::Time => ["time"].serialize(s),
+            Expr::Counter(counter) => ("counter", counter).serialize(s),
+            Expr::Load { var, flavour, at } => ("load", var, flavour, Address(at)).serialize(s),
+            Expr::Unary(f, a) => (f, a).serialize(s),
+            Expr::Binary(f, a, b) => (f, a, b).serialize(s),
+            Expr::PowInt(a, exponent) => ("integer_power", a, exponent).serialize(s),
+            Expr::Passed(_, side, a) => (side, a, &self.list).serialize(s),
+            Expr::Entry(_, a) => ("entry", a, &self.list).serialize(s),
+            Expr::Compare(f, a, b) => (f, a, b).serialize(s),
+            Expr::And(a, b) => ("and", a, b).serialize(s),
+            Expr::Or(a, b) => ("or", a, b).serialize(s),
+            Expr::Not(a) => ("not", a).serialize(s),
+            Expr::Select(c, a, b) => ("select", c, a, b).serialize(s),
+            Expr::Reduce { op, depth, extent, body } => (op, depth, extent, body).serialize(s),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Node {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(NodeVisitor)
+    }
+}
+
+/// Reads a node.
+struct NodeVisitor;
+
+impl<'de> Visitor<'de> for NodeVisitor {
+    type Value = Node;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of a kind of node and its operands")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, parts: A) -> Result<Node, A::Error> {
+        let mut rest = Remaining { parts, taken: 0 };
+        let (kind, mut list) = (rest.take::<String>()?, Vec::new());
+        let expr = match kind.as_str() {
+            "constant" => Expr::Const(rest.take::<Number>()?.0.to_bits()),
+            "truth" => Expr::Truth(rest.take()?),
+            "time" => Expr::Time,
+            "counter" => Expr::Counter(rest.counter()?),
+            "load" => Expr::Load { var: rest.take()?, flavour: rest.take()?, at: rest.take::<Address>()?.0 },
+            "integer_power" => Expr::PowInt(rest.take()?, rest.take()?),
+            "entry" => {
+                let index = rest.take()?;
+                list = rest.take()?;
+                Expr::Entry(List { first: 0, len: 0 }, index)
+            }
+            "and" => Expr::And(rest.take()?, rest.take()?),
+            "or" => Expr::Or(rest.take()?, rest.take()?),
+            "not" => Expr::Not(rest.take()?),
+            "select" => Expr::Select(rest.take()?, rest.take()?, rest.take()?),
             word => {
-                if let (Some(list), Some(side)) = (looked_up, meaning(word)) {
-                    Expr::Passed(list, side, number(0)?)
-                } else if let (Some(list), "entry") = (looked_up, word) {
-                    Expr::Entry(list, number(0)?)
+                if let Some(f) = meaning(word) {
+                    Expr::Unary(f, rest.take()?)
                 } else if let Some(f) = meaning(word) {
-                    takes(1).and_then(|()| Ok(Expr::Unary(f, number(0)?)))?
+                    Expr::Binary(f, rest.take()?, rest.take()?)
                 } else if let Some(f) = meaning(word) {
-                    takes(2).and_then(|()| Ok(Expr::Binary(f, number(0)?, number(1)?)))?
-                } else if let Some(f) = meaning(word) {
-                    takes(2).and_then(|()| Ok(Expr::Compare(f, number(0)?, number(1)?)))?
+                    Expr::Compare(f, rest.take()?, rest.take()?)
                 } else if let Some(op) = meaning(word) {
-                    takes(3).and_then(|()| {
-                        Ok(Expr::Reduce { op, depth: counter(&rest[0])?, extent: rest[1].count(MAX_EXTENT)?, body: number(2)? })
-                    })?
+                    Expr::Reduce { op, depth: rest.counter()?, extent: rest.take()?, body: rest.take()? }
+                } else if let Some(side) = meaning::<Side>(word) {
+                    let number = rest.take()?;
+                    list = rest.take()?;
+                    Expr::Passed(List { first: 0, len: 0 }, side, number)
                 } else {
-                    return Err(head.fault(format!("unknown kind of node `{}`", word.chars().take(40).collect::<String>())));
+                    return Err(A::Error::custom(format!("unknown kind of node `{}`", word.chars().take(40).collect::<String>())));
                 }
             }
         };
-        // Operands are positions among the nodes before; of other numbers none is a position of a
-        // deep node by chance that counts.
-        let operands = match kind {
-            "constant" | "truth" | "time" | "counter" | "load" => &rest[..0],
-            "integer_power" | "passed_below" | "passed_up_to" | "entry" => &rest[..1],
-            "sum" | "product" | "minimum" | "maximum" => &rest[2..],
-            _ => rest,
-        };
-        let below = operands.iter().filter_map(|at| at.index(self.nesting.len(), "node").ok()).map(|i| self.nesting[i]).max();
-        Ok((node, below.map_or(0, |n| n + 1)))
-    }
-
-    /// A program.
-    pub(super) fn program(&self, at: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<Program, ReadError> {
-        at.only(&["in_place", "nests"])?;
-        let nest = |nest: &At<'_>| {
-            nest.only(&["extents", "stores"])?;
-            let stores = nest.field("stores")?.list(|store| self.store(store, vars))?;
-            Ok(Nest::over(extents(&nest.field("extents")?)?, stores))
-        };
-        Ok(Program { nests: at.field("nests")?.list(nest)?, in_place: at.field("in_place")?.flag()? })
-    }
-
-    fn store(&self, at: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<Store, ReadError> {
-        at.only(&["out", "variable", "at", "value"])?;
-        let value = self.any(&at.field("value")?)?;
-        let target = match at.maybe("out")? {
-            Some(out) => Target { place: Place::Out, at: address(&out)? },
-            None => {
-                let var = variable(&at.field("variable")?, vars)?;
-                Target { place: Place::Var(var), at: address(&at.field("at")?)? }
-            }
-        };
-        Ok(Store { target, value })
+        match rest.parts.next_element::<IgnoredAny>()? {
+            Some(_) => Err(A::Error::custom(format!("`{kind}` is followed by more than {}", rest.taken - 1))),
+            None => Ok(Node { expr, list }),
+        }
     }
 }
 
-/// The variable at a position.
-pub(super) fn variable(at: &At<'_>, vars: &PrimaryMap<VarId, Variable>) -> Result<VarId, ReadError> {
-    at.index(vars.len(), "variable").map(VarId::new)
+/// The parts of a node that are not read yet.
+struct Remaining<A> {
+    parts: A,
+    taken: usize,
 }
 
-/// Offset, then factors of the loop counters.
-pub(super) fn address(at: &At<'_>) -> Result<Affine, ReadError> {
-    let mut numbers = at.items()?;
-    if numbers.len() == 0 || numbers.len() > MAX_DEPTH + 1 {
-        return Err(at.fault(format!("an address has an offset and up to {MAX_DEPTH} factors")));
+impl<'de, A: SeqAccess<'de>> Remaining<A> {
+    fn take<T: Deserialize<'de>>(&mut self) -> Result<T, A::Error> {
+        self.taken += 1;
+        self.parts.next_element()?.ok_or_else(|| A::Error::custom(format!("a node has more than {} parts", self.taken - 1)))
     }
-    let mut address = Affine::default();
-    if let Some(offset) = numbers.next() {
-        address.offset = offset.integer(MAX_STRIDE)?;
+
+    fn counter(&mut self) -> Result<LoopVar, A::Error> {
+        let depth = self.take::<u8>()?;
+        if usize::from(depth) < MAX_DEPTH {
+            Ok(LoopVar(depth))
+        } else {
+            Err(A::Error::custom(format!("there is no loop at depth {depth}")))
+        }
     }
-    for (stride, factor) in address.strides.iter_mut().zip(numbers) {
-        *stride = factor.integer(MAX_STRIDE)?;
-    }
-    Ok(address)
 }
 
-/// Passes of each loop of a nest.
-pub(super) fn extents(at: &At<'_>) -> Result<Vec<u32>, ReadError> {
-    if at.items()?.len() > MAX_DEPTH {
-        return Err(at.fault(format!("more than {MAX_DEPTH} loops inside one another")));
-    }
-    at.list(|extent| extent.count(MAX_EXTENT))
-}
-
-fn counter(at: &At<'_>) -> Result<LoopVar, ReadError> {
-    at.index(MAX_DEPTH, "loop at depth").map(|depth| LoopVar(depth as u8))
-}
-
-fn load(rest: &[At<'_>], vars: &PrimaryMap<VarId, Variable>) -> Result<Expr, ReadError> {
-    let var = variable(&rest[0], vars)?;
-    let flavour = rest[1].word()?;
-    let has = match (vars[var].role, flavour) {
-        (_, Flavour::Value) => true,
-        (Role::State | Role::Algebraic, _) => true,
-        (Role::Action | Role::Discrete | Role::Disturbance, flavour) => flavour != Flavour::Derivative,
-        _ => false,
-    };
-    if !has {
-        return Err(rest[1].fault(format!("variable {} (`{}`) has no such copy", var.index(), vars[var].name)));
-    }
-    Ok(Expr::Load { var, flavour, at: address(&rest[2])? })
+/// The meaning of a word.
+fn meaning<'de, T: Deserialize<'de>>(word: &'de str) -> Option<T> {
+    T::deserialize(StrDeserializer::<serde::de::value::Error>::new(word)).ok()
 }

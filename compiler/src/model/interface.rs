@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
-use super::{Episode, Grid, Quantity, Solver, Test};
+use super::{Episode, Grid, Quantity, Solver, Test, number};
 
 /// All that is seen from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -118,6 +118,7 @@ pub struct Projected {
 
 /// A declared state of which elements follow from equations.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Demoted {
     /// Its name.
     pub name: String,
@@ -179,6 +180,7 @@ impl Quantities {
 
 /// Numbers of elements of algebraic variables.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct AlgebraicCounts {
     /// Declared: those of [`Quantities::algebraics`].
     pub declared: u32,
@@ -190,6 +192,7 @@ pub struct AlgebraicCounts {
 
 /// A port of a component: what can be connected.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Port {
     /// Name with its path, `R1.inlet`.
     pub name: String,
@@ -201,6 +204,7 @@ pub struct Port {
 
 /// A member of a port.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PortMember {
     /// Its name in the connector.
     pub name: String,
@@ -208,8 +212,10 @@ pub struct PortMember {
     pub output: String,
     /// Name of the state, action, disturbance, parameter or discrete variable that it always is,
     /// number by number; `None` where it is computed.
+    #[serde(deserialize_with = "number::present")]
     pub equals: Option<String>,
     /// It flows into the component, and sums to zero over connected ports.
+    #[serde(default)]
     pub flow: bool,
 }
 
@@ -276,6 +282,7 @@ impl FinishLayout {
 
 /// A quantity that the equations keep, or whose rate is known.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Invariant {
     /// Name.
     pub name: String,
@@ -326,6 +333,7 @@ pub struct Alternatives {
 
 /// A switch.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Variant {
     /// Name.
     pub name: String,
@@ -371,6 +379,7 @@ impl Alternatives {
 
 /// One random number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Draw {
     /// Name of its stream: what it is drawn for; the same name and element give the same number in
     /// every run.
@@ -378,11 +387,13 @@ pub struct Draw {
     /// Standard variate.
     pub kind: Variate,
     /// When it is drawn.
+    #[serde(rename = "at")]
     pub instant: Instant,
 }
 
 /// Kinds of standard variate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Variate {
     /// Uniform on (0, 1); mean 1/2.
     Uniform,
@@ -392,6 +403,7 @@ pub enum Variate {
 
 /// When a random number is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Instant {
     /// At reset.
     Reset,
@@ -401,20 +413,24 @@ pub enum Instant {
 
 /// One observed number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Observed {
     /// Name.
     pub name: String,
     /// Unit.
     pub unit: String,
     /// Lower bound of its box.
+    #[serde(with = "number::any")]
     pub low: f64,
     /// Upper bound.
+    #[serde(with = "number::any")]
     pub high: f64,
     /// Sampled every so many steps and held (1: every step).
     pub every: u32,
     /// Reported so many steps late.
     pub delay: u32,
     /// Standard deviation of the Gaussian noise (0: none).
+    #[serde(with = "number::any")]
     pub noise: f64,
 }
 
@@ -428,6 +444,7 @@ impl Observed {
 
 /// One reward.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Reward {
     /// Name.
     pub name: String,
@@ -439,6 +456,7 @@ pub struct Reward {
 
 /// One failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Failure {
     /// Identifier that starts the message.
     pub name: String,
@@ -447,6 +465,7 @@ pub struct Failure {
     /// It is found by a root function inside the step.
     pub event: bool,
     /// Content of the box, for messages; empty for other conditions.
+    #[serde(rename = "box")]
     pub items: Vec<BoxItem>,
     /// Depends on the reward.
     pub on_reward: bool,
@@ -454,19 +473,23 @@ pub struct Failure {
 
 /// One member of a box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BoxItem {
     /// Flattened name.
     pub name: String,
     /// Unit.
     pub unit: String,
     /// Bounds.
+    #[serde(with = "number::any")]
     pub low: f64,
     /// Bounds.
+    #[serde(with = "number::any")]
     pub high: f64,
 }
 
 /// The independent variable.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Time {
     /// Its name.
     pub name: String,

@@ -2,8 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::number;
+
 /// Settings of the episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Episode {
     /// Sampling interval.
     pub step: f64,
@@ -26,6 +29,7 @@ pub struct Episode {
 
 /// Settings of the solver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Solver {
     /// Relative tolerance.
     pub rtol: f64,
@@ -42,11 +46,13 @@ pub struct Solver {
     /// Most instants of events within a step.
     pub max_events: u32,
     /// Longest internal step, in units of time; infinite where nothing bounds it.
+    #[serde(with = "number::or_infinite")]
     pub max_step: f64,
     /// Order of Padé approximations that replace dead times; 0 where these are exact.
     #[serde(default)]
     pub pade: u32,
     /// A control step that the method fails in is repeated once with the other implicit method.
+    #[serde(default = "retries")]
     pub retry: bool,
     /// Algebraic variables enter the error test, whether integrals and events look at them or not.
     pub algebraic_error_control: bool,
@@ -56,6 +62,11 @@ pub struct Solver {
     pub linear_solver: LinearSolver,
     /// Integration method.
     pub method: Method,
+}
+
+/// Texts written before `retry` existed leave it out.
+fn retries() -> bool {
+    true
 }
 
 /// Integration method.

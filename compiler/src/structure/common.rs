@@ -4,54 +4,14 @@ use crate::elaborate::{Equation, EquationForm};
 use crate::ir::{Expr, ExprId, Exprs, Program, Rewritten, VarId};
 use crate::model::{Model, Programs};
 
-/// All programs, named one by one, so that a new one is not forgotten.
-macro_rules! all_programs {
-    ($programs:expr, $iter:ident) => {{
-        let Programs {
-            parameters,
-            initial_states,
-            initial_discretes,
-            steady,
-            start_conditions,
-            disturb,
-            start,
-            end,
-            finish,
-            outputs,
-            invariants,
-            boxes,
-            delayed,
-            lags,
-            before,
-            events,
-            policies,
-        } = $programs;
-        let single = [
-            parameters,
-            initial_states,
-            initial_discretes,
-            steady,
-            start_conditions,
-            disturb,
-            start,
-            end,
-            finish,
-            outputs,
-            invariants,
-            boxes,
-        ];
-        single.into_iter().chain([delayed, lags, before]).chain(events).chain(policies.$iter().map(|(_, program)| program))
-    }};
-}
-
 /// All programs of a model.
 pub(super) fn programs(programs: &Programs) -> impl Iterator<Item = &Program> {
-    all_programs!(programs, iter)
+    programs.named().map(|(_, program)| program)
 }
 
 /// All programs of a model, to be changed.
 pub(super) fn programs_mut(programs: &mut Programs) -> impl Iterator<Item = &mut Program> {
-    all_programs!(programs, iter_mut)
+    programs.named_mut().map(|(_, program)| program)
 }
 
 /// Number of passes of a nest.
