@@ -13,9 +13,10 @@ from gymnasium.spaces import Box
 
 from smpl import _native
 from smpl.analysis.rollout import Rollout, rollout
-from smpl.model import Model, Setting, as_variants, compile
+from smpl.model import Model, compile
 from smpl.rendering import History
 from smpl.support.arguments import FloatArray, as_flag, as_mapping, as_vector, check_limit, check_method
+from smpl.support.compiling import Setting, as_variants
 from smpl.support.names import Named
 from smpl.support.options import listed
 from smpl.support.reset_options import start_from_options

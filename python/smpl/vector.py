@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from smpl import _native
 from smpl.envs import Env, Interface, Observation, choose_model, raise_ended
-from smpl.model import Model, Setting
+from smpl.model import Model
 from smpl.support.arguments import (
     COUNTS,
     FloatArray,
@@ -25,6 +25,7 @@ from smpl.support.arguments import (
     check_method,
     check_names,
 )
+from smpl.support.compiling import Setting
 from smpl.support.options import listed
 from smpl.support.reset_options import start_from_options
 from smpl.support.seeds import SeedError, check_seed, native_seed
