@@ -21,8 +21,9 @@ SUITES = ("offline", "online")
 # Algorithms that learn from what the present policy has done, and those that search without
 # gradients.
 _ON_POLICY, _SEARCH = ("PPO", "A2C", "RecurrentPPO"), ("ARS",)
-# Algorithms that need the derivatives of each step, which cost more than the step.
-_GRADIENT = ("SHAC",)
+# Algorithms that need the derivatives of each step, which cost more than the step; and those that
+# solve a programme in each step too.
+_GRADIENT, _PREDICTIVE = ("SHAC",), ("DiffNMPC",)
 # These update after each step, as those of Stable-Baselines3 do.
 _OFF_POLICY_2022 = ("DDPG-2022", "SAC-2022")
 _PROCESS = (
@@ -42,7 +43,7 @@ _PROCESS = (
 _OF_ONES_OWN, _BESIDE = ("model", "arguments"), "controllers"
 _SIZES = ("validation", "data")
 # What a number of steps is of, see `_kind`; what a data set is made by.
-_KINDS = ("offline", "on_policy", "off_policy", "search", "rllib", "gradient")
+_KINDS = ("offline", "on_policy", "off_policy", "search", "rllib", "gradient", "predictive")
 _DATA = ("controller", "noise", "episodes")
 # Classes of d3rlpy that scale what a network sees, by the statistics of a data set.
 SCALERS = {
@@ -165,6 +166,8 @@ def _kind(suite: str, algorithm: str) -> str:
         return "search"
     if algorithm in _GRADIENT:
         return "gradient"
+    if algorithm in _PREDICTIVE:
+        return "predictive"
     return "on_policy" if algorithm in _ON_POLICY else "off_policy"
 
 

@@ -112,27 +112,28 @@ def trainer_of(
         from smpl_benchmarks.rllib import RLlibTrainer
 
         return RLlibTrainer(algorithm, learned, formulation, hyper, settings["num_envs"])
-    if algorithm == "SHAC":
-        return _short_horizon(task, arguments, formulation, settings)
+    if algorithm in ("SHAC", "DiffNMPC"):
+        return _by_derivatives(algorithm, task, arguments, formulation, settings)
     from smpl_benchmarks.online import StableBaselinesTrainer
 
     curriculum = settings["curriculum"]
     return StableBaselinesTrainer(algorithm, learned, formulation, hyper, settings["num_envs"], curriculum)
 
 
-def _short_horizon(
-    task: Task, arguments: dict[str, Any], formulation: Formulation, settings: Mapping[str, Any]
+def _by_derivatives(
+    algorithm: str, task: Task, arguments: dict[str, Any], formulation: Formulation, settings: Mapping[str, Any]
 ) -> Trainer:
-    """The trainer of `SHAC`, on the process with the statements that it adds for training."""
+    """The trainer of an algorithm on the process with the statements that it adds for training."""
+    from smpl_benchmarks.predictive import PredictiveTrainer
     from smpl_benchmarks.short_horizon import ShortHorizonTrainer
 
-    hyper, own = dict(settings["hyperparameters"]), {}
-    for name in ("extra", "reward"):
-        if name in hyper:
-            own[name] = hyper.pop(name)
+    hyper = dict(settings["hyperparameters"])
+    own = {name: hyper.pop(name) for name in ("extra", "reward") if name in hyper}
     if settings["curriculum"]:
-        raise NotImplementedError("SHAC does not train with parameters that are drawn in each episode")
+        raise NotImplementedError(f"{algorithm} does not train with parameters that are drawn in each episode")
     learned = Task.of(task.name, **{**arguments, **own})
+    if algorithm == "DiffNMPC":
+        return PredictiveTrainer(learned, formulation, hyper)
     return ShortHorizonTrainer(learned, formulation, hyper, settings["num_envs"])
 
 

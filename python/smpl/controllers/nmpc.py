@@ -187,6 +187,11 @@ class NMPC(TakesWrapped):
         self.times.append(time.perf_counter() - begin)
         return action
 
+    @property
+    def predicted_names(self) -> tuple[str, ...]:
+        """Names of the predicted states."""
+        return tuple(self._expressions.state_names)
+
     def adjust(self, values: Mapping[str, float]) -> None:
         """Change weights of a tunable cost, set-points and parameters, from the next reset on.
 

@@ -22,6 +22,8 @@ from smpl.support.arguments import FloatArray
 _NEAR, _PRESSED = 1e-5, 1e-7
 # Largest residual of the linear system, relative to its right-hand side.
 _SOLVED = 1e-6
+# Compliance of bounds, in scaled variables, if they depend on each other.
+_COMPLIANCE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -89,14 +91,29 @@ class Sensitivity:
         active = ca.vertcat(slopes[rows.tolist(), :], unit)
         right = -ca.vertcat(mixed, moved[rows.tolist(), :], ca.DM(len(fixed), mixed.size2()))
         matrix = ca.blockcat([[hessian, active.T], [active, ca.DM(active.size1(), active.size1())]])
-        found = np.asarray(ca.solve(matrix, right, "qr"))
-        error = np.abs(np.asarray(matrix @ found - right)).max(initial=0.0)
+        found = self._solved(matrix, right, size)
+        error = np.abs(np.asarray(matrix @ ca.DM(found) - right)).max(initial=0.0)
         if not np.isfinite(found).all() or error > _SOLVED * max(float(np.abs(np.asarray(right)).max()), 1e-300):
             raise ValueError(
                 "the active bounds of the last plan do not determine it: bounds that are active together depend on "
                 "each other, or an action has no effect on the cost; give each action a weight"
             )
         return np.asarray(found[programme.actions[0]])
+
+    def _solved(self, matrix: Any, right: Any, size: int) -> FloatArray:
+        """The solution of the conditions; NaN if the linear system is singular.
+
+        Bounds that depend on each other have multipliers that are not unique. A small compliance
+        then selects some, which changes the plan by less than is checked for.
+        """
+        count = matrix.size1()
+        soft = self._ca.diag(self._ca.DM([0.0] * size + [_COMPLIANCE] * (count - size)))
+        for one in (matrix, matrix - soft):
+            try:
+                return np.asarray(self._ca.solve(one, right, "qr"))
+            except RuntimeError:
+                continue
+        return np.full((count, right.size2()), np.nan)
 
 
 def _active(values: FloatArray, low: FloatArray, high: FloatArray, multipliers: FloatArray) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import json
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from smpl.controllers import NMPC
+from smpl.controllers.full_information import Deferred
 from smpl.support.optional import load
 
 Array = npt.NDArray[Any]
@@ -21,8 +24,9 @@ Array = npt.NDArray[Any]
 def load_policy(spec: str) -> Any:
     """The policy of a file.
 
-    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, and what
-    `smpl export-policy` writes: `FILE.c`, `FILE.onnx`, `FILE.fmu`.
+    `PPO:FILE.zip` of Stable-Baselines3, `FILE.d3` of d3rlpy, `FILE.pt` of TorchScript, `FILE.json`
+    of a tuned predictive controller, and what `smpl export-policy` writes: `FILE.c`, `FILE.onnx`,
+    `FILE.fmu`.
 
     Raises:
         ValueError: the file is missing, cannot be read, or its algorithm is not named.
@@ -67,9 +71,23 @@ def _exported(_: str, file: str) -> Any:
     return load_artefact(file)
 
 
+def _predictive(_: str, file: str) -> Any:
+    """The predictive controller of options and learned values."""
+    with _of_file(file, "a predictive controller"):
+        content = json.loads(Path(file).read_text(encoding="utf-8"))
+        options, values = dict(content["nmpc"]), dict(content["values"])
+    return Deferred(lambda env: _adjusted(env, options, values))
+
+
+def _adjusted(env: Any, options: dict[str, Any], values: dict[str, float]) -> Any:
+    controller = NMPC(env, **options)
+    controller.adjust(values)
+    return controller
+
+
 # File formats by their endings: those in which policies are trained, and exported ones.
 TRAINED: dict[str, Callable[[str, str], Any]] = {".zip": _stable_baselines, ".d3": _d3rlpy, ".pt": _torchscript}
-FILES = TRAINED | dict.fromkeys((".c", ".onnx", ".fmu"), _exported)
+FILES = TRAINED | {".json": _predictive} | dict.fromkeys((".c", ".onnx", ".fmu"), _exported)
 
 
 @contextlib.contextmanager
