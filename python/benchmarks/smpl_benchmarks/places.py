@@ -22,7 +22,7 @@ from smpl_benchmarks.controls import CONTROLS, settings
 from smpl_benchmarks.pages import grid
 from smpl_benchmarks.provenance import checks, cost, tuning
 from smpl_benchmarks.records import Result
-from smpl_benchmarks.tracks import RESIDUAL, TRACKS
+from smpl_benchmarks.tracks import DERIVED, RESIDUAL, TRACKS
 
 _MARKS = {1: "+", 0: "", -1: "-"}
 
@@ -208,6 +208,10 @@ def tracks(results: Sequence[Result], every: Sequence[Comparison]) -> str:
             lines += [_of_track(name, env, learner, mine, every) for learner, mine in found.items() if mine]
             missing.setdefault(tuple(learner for learner, mine in found.items() if not mine), []).append(env)
         commands += [_command(name, envs, learners) for learners, envs in missing.items() if learners]
+    for learner, able in DERIVED.items():
+        envs = [one.env for one in every if one.env in able]
+        left = [env for env in envs if not any(_in(one, RESIDUAL, env, learner) for one in results)]
+        commands += [_command(RESIDUAL, left, [learner])] if left else []
     text = grid(head, lines, left=3) if lines else ""
     if commands:
         text += "\nNot trained at this budget:\n\n```sh\n" + "\n".join(commands) + "\n```\n"

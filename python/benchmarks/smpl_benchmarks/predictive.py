@@ -166,7 +166,7 @@ class PredictiveTrainer:
         converged counts as constant.
 
         Raises:
-            ValueError: the episode is not a function of states, discrete variables and actions.
+            NotImplementedError: the episode is not a function of states, discrete variables and actions.
             SimulationError: a step has no derivative.
         """
         env, controller, values = self.env, self.controller, self.values
@@ -211,14 +211,14 @@ class PredictiveTrainer:
         """Derivatives of the learner's reward by state and action.
 
         Raises:
-            ValueError: the derivation has another state or reward than the episode.
+            NotImplementedError: the derivation has another state or reward than the episode.
         """
         at = env.model.reward_names.index(env.model.reward)
         here = [*found.states, *([] if ended else [found.rewards[at]])]
         there = [*env.state, *([] if ended else [reward])]
         for name, mine, other in zip((*env.state_names, "the reward"), here, there, strict=False):
             if abs(mine - other) > _SAME * max(abs(other), 1e-6):
-                raise ValueError(
+                raise NotImplementedError(
                     f"{env.model.name}: {name} of an episode is {other:.6g}, but {mine:.6g} from its states, discrete "
                     "variables and actions: keep initial or earlier values in discrete variables, and remove random "
                     "disturbances"

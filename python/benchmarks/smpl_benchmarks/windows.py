@@ -122,7 +122,7 @@ def pieces(window: Window, batch: FormulatedVectorEnv, threads: int | None = Non
     left out, and the piece ends with the value of the state before it.
 
     Raises:
-        ValueError: an episode is not a function of states, discrete variables and actions.
+        NotImplementedError: an episode is not a function of states, discrete variables and actions.
         SimulationError: a step has no derivative.
     """
     return [
@@ -232,7 +232,7 @@ def _check_same(
     for (name, here, there, valid), size in zip(pairs, sizes, strict=True):
         if np.any(valid & (np.abs(here - there) > _SAME * max(size, _TINY))):
             worst = int(np.argmax(np.abs(here - there) * valid))
-            raise ValueError(
+            raise NotImplementedError(
                 f"{batch.model.name}: {name} of an episode is {there[worst]:.6g}, but {here[worst]:.6g} from its "
                 "states, discrete variables and actions: keep initial or earlier values in discrete variables, and "
                 "remove random disturbances"
