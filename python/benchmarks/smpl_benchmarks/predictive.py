@@ -166,7 +166,8 @@ class PredictiveTrainer:
         converged counts as constant.
 
         Raises:
-            NotImplementedError: the episode is not a function of states, discrete variables and actions.
+            NotImplementedError: the episode is not a function of states, discrete variables and
+                actions.
             SimulationError: a step has no derivative.
         """
         env, controller, values = self.env, self.controller, self.values
