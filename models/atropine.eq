@@ -185,9 +185,7 @@ at end {
 }
 
 observe n_steps, q1_ss in 0..0.5, q2_ss in 0..0.5, q3_ss in 0..0.5, q4_ss in 0..0.5, E_ss in 0..15, E in 0..20, xe1, xe2
-observe SEP.F_OR[i] in 0..0.5 for i in species
-observe SEP.F_AQ[i] in 0..0.5 for i in species
-observe SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
+observe SEP.F_OR in 0..0.5, SEP.F_AQ in 0..0.5, SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
 
 level online "counter, flows of the feeds, flows out of the separator; compositions are hidden" {
   observe n_steps, q1 in 0..1, q2 in 0..1, q3 in 0..1, q4 in 0..1, SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
@@ -199,9 +197,7 @@ level chromatograph extends online "with the E-factor and the product every half
 level with_flows "the flows of the feeds after the counter" {
   observe n_steps, q1 in 0..1, q2 in 0..1, q3 in 0..1, q4 in 0..1
   observe q1_ss in 0..0.5, q2_ss in 0..0.5, q3_ss in 0..0.5, q4_ss in 0..0.5, E_ss in 0..15, E in 0..20, xe1, xe2
-  observe SEP.F_OR[i] in 0..0.5 for i in species
-  observe SEP.F_AQ[i] in 0..0.5 for i in species
-  observe SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
+  observe SEP.F_OR in 0..0.5, SEP.F_AQ in 0..0.5, SEP.Q_OR in 0..0.5, SEP.Q_AQ in 0..0.5
 }
 
 let penalty = sqrt(sq(action_penalty[1]*dq1) + sq(action_penalty[2]*dq2) + sq(action_penalty[3]*dq3) + sq(action_penalty[4]*dq4))
@@ -257,12 +253,8 @@ variant absolute_relaxed extends absolute "the actions are the flows themselves,
   action q3 : mL/min = 0.3888  in 0.2..0.5
   action q4 : mL/min = 0.2126  in 0.1..0.4
 }
-variant reward_floor "a reward at the error reward ends the episode" {
-  fail reward_floor when reward <= error_reward
-}
-variant late_counter "the observed counter is the one before its increment" {
-  at start { next n_steps = n }
-}
+variant reward_floor "a reward at the error reward ends the episode" { fail reward_floor when reward <= error_reward }
+variant late_counter "the observed counter is the one before its increment" { at start { next n_steps = n } }
 variant penalty_added "the penalty of the action raises the reward, as in the original" {
   def scored(r) = max(-100000, reward_scale * (r + penalty))
 }

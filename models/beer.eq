@@ -21,13 +21,13 @@ param S_0   : g/L          = 130            "sugar that scales the kinetics"
 
 action T : degC = 13 in 9..16    "temperature of the fermentation"
 
-state X_A  : g/L  = 0    in 0..15     "active biomass"
-state X_L  : g/L  = 2    in 0..15     "latent biomass"
-state X_D  : g/L  = 2    in 0..15     "dead, suspended biomass"
-state S    : g/L  = 130  in 0..150    "sugar"
-state EtOH : g/L  = 0    in 0..150    "ethanol"
-state DY   : mg/L = 0    in 0..10     "diacetyl"
-state EA   : mg/L = 0    in 0..10     "ethyl acetate"
+state X_A  : g/L  = 0                        in 0..15     "active biomass"
+state X_L  : g/L  = 2   ~ uniform(1.8, 2.2)  in 0..15     "latent biomass"
+state X_D  : g/L  = 2   ~ uniform(1.8, 2.2)  in 0..15     "dead, suspended biomass"
+state S    : g/L  = 130 ~ uniform(117, 143)  in 0..150    "sugar"
+state EtOH : g/L  = 0                        in 0..150    "ethanol"
+state DY   : mg/L = 0                        in 0..10     "diacetyl"
+state EA   : mg/L = 0                        in 0..10     "ethyl acetate"
 
 discrete elapsed        : h   = 0        in 0..200    "hours since the start"
 discrete biomass_before : g/L = biomass               "biomass at the end of the previous step"
@@ -56,10 +56,6 @@ eq d/dt DY   = mu_DY * S * X_A - mu_AB * DY * EtOH
 eq d/dt EA   = Y_EA * mu_x * X_A
 
 invariant cells = biomass rate mu_x*X_A - mu_SD*X_D    "what wakes up or dies only changes its kind"
-
-initial X_L ~ uniform(1.8, 2.2)
-initial X_D ~ uniform(1.8, 2.2)
-initial S   ~ uniform(117, 143)
 
 at start { next biomass_before = biomass }
 at end   { next elapsed = elapsed + 1 [h] }
@@ -91,9 +87,7 @@ policy profile "industrial temperature profile" {
 variant batch_sugar "the initial sugar of the batch scales the kinetics, as in the literature" {
   let S_0 : g/L = initial(S)
 }
-variant short_step "each step of one hour integrates 0.99 h, as the original does" {
-  episode { integrate = 0.99 [h] }
-}
+variant short_step "each step of one hour integrates 0.99 h, as the original does" { episode { integrate = 0.99 [h] } }
 
 # ---- The plant's world: what else changes, each alone or together ----
 

@@ -196,9 +196,7 @@ policy nominal "level of the buffer tank by F_out, a switch at 1 % breakthrough"
 
 # ---- Further alternatives ----
 
-variant wide_bounds "upper bounds 10 % higher" {
-  param headroom = 1.1
-}
+variant wide_bounds "upper bounds 10 % higher" { param headroom = 1.1 }
 variant unclipped_rules "the nominal policy may leave the bounds, as in the original" {
   policy nominal {
     F_out = 21.689197033088462 + 50/180*(value(h) - 15)
@@ -234,9 +232,7 @@ variant ph_factor "productivity with an optimum in pH; neither optimum nor width
 variant recycle_limit "the recycle must carry the cells that it returns" {
   constraint recycle_limit when F_r < eta_rec*Xv1*F_1 / 1e12 [cell/L]
 }
-variant tank_height "the buffer tank overflows" {
-  fail tank_height event h >= 25 [dm]
-}
+variant tank_height "the buffer tank overflows" { fail tank_height event h >= 25 [dm] }
 
 # ---- Tests: `smpl test models/mab.eq`, against the published steady state ----
 

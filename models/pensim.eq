@@ -166,42 +166,31 @@ disturbance z = 0 ~ 0.995*z + 0.005*normal(0, 1)    "filtered noise of eight par
 
 set class = 1..9
 
-state S    : g/L   = 1                       in 0..inf  scale 1e-3    "substrate, sugar and oil"
-state DO2  : mg/L  = 15                      in 0..inf  scale 10      "dissolved oxygen"
-state O2           = 0.20                    in 0..inf  scale 0.2     "oxygen fraction in the off-gas"
-state P    : g/L   = 0                       in 0..inf  scale 1e-3    "penicillin"
-state V    : L     = 58000                   in 0..inf  scale 6e4     "broth volume"
-state Wt   : kg    = 62000                   in 0..inf  scale 6e4     "broth weight"
-state H    : mol/L = 10^(-6.5)               in 0..inf  scale 1e-7    "hydrogen ions"
-state T    : K     = 297                     in 0..inf  scale 300     "temperature"
-state Q    : kJ    = 0                       in 0..inf  scale 1e5     "integral of the heat balance"
-state visc : cP    = 4                       in 0..inf  scale 10      "viscosity"
-state age  : g h/L = 0                       in 0..inf  scale 1       "integral of the biomass"
-state a0   : g/L   = c_0*0.3333333333333333  in 0..inf  scale 0.1     "growing region, tips"
-state a1   : g/L   = c_0*0.6666666666666666  in 0..inf  scale 0.1     "non-growing region"
-state a3   : g/L   = 0                       in 0..inf  scale 1e-3    "degenerated region"
-state a4   : g/L   = 0                       in 0..inf  scale 1e-3    "autolysed region"
-state n0   : 1/L   = 0                       in 0..inf  scale 1e3     "number density of newborn vacuoles †"
+state S    : g/L   = 1                      ~ normal(1, 0.1)          in 0..inf  scale 1e-3    "substrate, sugar and oil"
+state DO2  : mg/L  = 15                     ~ normal(15, 0.5)         in 0..inf  scale 10      "dissolved oxygen"
+state O2           = 0.20                   ~ normal(0.20, 0.05)      in 0..inf  scale 0.2     "oxygen fraction in the off-gas"
+state P    : g/L   = 0                                                in 0..inf  scale 1e-3    "penicillin"
+state V    : L     = 58000                  ~ normal(58000, 500)      in 0..inf  scale 6e4     "broth volume"
+state Wt   : kg    = 62000                  ~ normal(62000, 500)      in 0..inf  scale 6e4     "broth weight"
+state H    : mol/L = 10^(-6.5)              ~ 10^(-normal(6.5, 0.1))  in 0..inf  scale 1e-7    "hydrogen ions"
+state T    : K     = 297                    ~ normal(297, 0.5)        in 0..inf  scale 300     "temperature"
+state Q    : kJ    = 0                                                in 0..inf  scale 1e5     "integral of the heat balance"
+state visc : cP    = 4                                                in 0..inf  scale 10      "viscosity"
+state age  : g h/L = 0                                                in 0..inf  scale 1       "integral of the biomass"
+state a0   : g/L   = c_0*0.3333333333333333                           in 0..inf  scale 0.1     "growing region, tips"
+state a1   : g/L   = c_0*0.6666666666666666                           in 0..inf  scale 0.1     "non-growing region"
+state a3   : g/L   = 0                                                in 0..inf  scale 1e-3    "degenerated region"
+state a4   : g/L   = 0                                                in 0..inf  scale 1e-3    "autolysed region"
+state n0   : 1/L   = 0                                                in 0..inf  scale 1e3     "number density of newborn vacuoles †"
 state nv[class] named "n{}" : 1/(cm L) = 0 in 0..inf scale 1e3    "number densities of vacuoles by size"
-state nm      : 1/(cm L) = 0      in 0..inf  scale 1e3     "number density of the largest vacuoles †"
-state phi0    : cm^3/L   = 0      in 0..inf  scale 1e-5    "volume of newborn vacuoles"
-state CO2out  : %        = 0.038  in 0..inf  scale 0.1     "CO2 in the off-gas"
-state CO2d    : mg/L     = 0      in 0..inf  scale 0.1     "dissolved CO2"
-state PAA     : mg/L     = 1400   in 0..inf  scale 1e3     "phenylacetic acid"
-state NH3     : mg/L     = 1700   in 0..inf  scale 1e3     "ammonia nitrogen"
-state int_mup            = 0      in 0..inf  scale 1e-2    "integral of the product rate over the step"
-state int_mue            = 0      in 0..inf  scale 1e-2    "integral of the growth rate over the step"
-
-initial S      ~ normal(1, 0.1)
-initial DO2    ~ normal(15, 0.5)
-initial O2     ~ normal(0.20, 0.05)
-initial V      ~ normal(58000, 500)
-initial Wt     ~ normal(62000, 500)
-initial H      ~ 10^(-normal(6.5, 0.1))
-initial T      ~ normal(297, 0.5)
-initial CO2out ~ normal(0.038, 0.001)
-initial PAA    ~ normal(1400, 50)
-initial NH3    ~ normal(1700, 50)
+state nm      : 1/(cm L) = 0                             in 0..inf  scale 1e3     "number density of the largest vacuoles †"
+state phi0    : cm^3/L   = 0                             in 0..inf  scale 1e-5    "volume of newborn vacuoles"
+state CO2out  : %        = 0.038 ~ normal(0.038, 0.001)  in 0..inf  scale 0.1     "CO2 in the off-gas"
+state CO2d    : mg/L     = 0                             in 0..inf  scale 0.1     "dissolved CO2"
+state PAA     : mg/L     = 1400  ~ normal(1400, 50)      in 0..inf  scale 1e3     "phenylacetic acid"
+state NH3     : mg/L     = 1700  ~ normal(1700, 50)      in 0..inf  scale 1e3     "ammonia nitrogen"
+state int_mup            = 0                             in 0..inf  scale 1e-2    "integral of the product rate over the step"
+state int_mue            = 0                             in 0..inf  scale 1e-2    "integral of the growth rate over the step"
 
 # ---- Disturbed parameters ----
 
@@ -515,40 +504,24 @@ when disturbances = false { disturbance z = 0 ~ 0 }
 variant vacuole_flux "the largest vacuoles grow by n9, in place of its derivative" {
   eq d/dt nm = k_v * nv[9] / (r_m - r_k) - mu_a*nm
 }
-variant oil_volume "oil dilutes too" {
-  let F_dil : L/h = Fs + Fb + Fa + water - F_evp + Fpaa + Foil
-}
+variant oil_volume "oil dilutes too" { let F_dil : L/h = Fs + Fb + Fa + water - F_evp + Fpaa + Foil }
 variant gross_uptake "oxygen, heat, nitrogen and acid are charged with what is made, not with its dilution" {
   let dX_charged : g/(L h) = dX + k_dil*X
   let dP_charged : g/(L h) = r_P
 }
-variant aerated_height "gas raises the broth" {
-  let h_b : m = V_m / A_v / (1 - eps_gas)
-}
-variant net_charge "the balance of ions counts hydroxide" {
-  let charge : mol/L = H - K_w/H
-}
-variant viscosity_floor "continuous effective viscosity" {
-  let visc_e : cP = max(visc, 1 [cP])
-}
-variant harvest_volume "the harvest is credited by its volume" {
-  let harvest_density : kg/L = rho_b
-}
-variant pid_setpoint "the old pH error has its set-point" {
-  let pH_change = pH_a - pH
-}
-variant pid_heating "the heating controller starts from the heating flow" {
-  let heating_from = Fh
-}
+variant aerated_height "gas raises the broth"             { let h_b : m = V_m / A_v / (1 - eps_gas) }
+variant net_charge "the balance of ions counts hydroxide" { let charge : mol/L = H - K_w/H }
+variant viscosity_floor "continuous effective viscosity"  { let visc_e : cP = max(visc, 1 [cP]) }
+variant harvest_volume "the harvest is credited by its volume" { let harvest_density : kg/L = rho_b }
+variant pid_setpoint "the old pH error has its set-point"      { let pH_change = pH_a - pH }
+variant pid_heating "the heating controller starts from the heating flow" { let heating_from = Fh }
 variant clamp_zero "substrate and penicillin are clamped to 0" {
   at end { clamp S at 0 when S <= 0; clamp P at 0 when P <= 0 }
 }
 
 # ---- Behaviour of the original, for the scenario legacy ----
 
-variant long_step "each step integrates 0.2 h and h_ode" {
-  episode { integrate = 0.205 [h] }
-}
+variant long_step "each step integrates 0.2 h and h_ode" { episode { integrate = 0.205 [h] } }
 variant basic_branch "another balance of ions beyond pH 7" {
   let hydroxide = K_w/H - H
   let B_basic   = -(hydroxide*V - abc_d*(Fa - Fb)*h_ode) / ions

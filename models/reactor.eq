@@ -69,9 +69,7 @@ variant published_setpoint "set-point as printed, rounded to single precision" {
 variant limited_change "losses of a step are limited, gains are not: an episode that goes far and comes back is paid without end" {
   reward setpoint_change = max(-1000, distance - previous(distance))    "its change over the step"
 }
-variant reward_floor "a reward at the error reward ends the episode" {
-  fail reward_floor when reward <= error_reward
-}
+variant reward_floor "a reward at the error reward ends the episode" { fail reward_floor when reward <= error_reward }
 
 # ---- The plant's world: what else changes, each alone or together ----
 
@@ -109,11 +107,9 @@ variant setpoint_schedule "set-points of temperature and level that change befor
   observe T_sp in 30..70, h_sp in 0.4..0.9
   reward setpoint default = -sq((T - T_sp)/5 [K]) - sq((h - h_sp)/0.05 [m])    "squared distance from the set-points in force"
 }
-variant setpoint_random "set-points of temperature and level that change every 25 steps, to what is drawn" {
+variant setpoint_random extends setpoint_schedule "set-points of temperature and level that change every 25 steps, to what is drawn" {
   disturbance T_sp : degC = 51.34660837 ~ if n > 0 and mod(n, 25) == 0 then 47 [degC] + 8 [K]*uniform(0, 1) else T_sp    "set-point of the temperature"
   disturbance h_sp : m    = 0.659       ~ if n > 0 and mod(n, 25) == 0 then 0.55 [m] + 0.2 [m]*uniform(0, 1) else h_sp    "set-point of the level"
-  observe T_sp in 30..70, h_sp in 0.4..0.9
-  reward setpoint default = -sq((T - T_sp)/5 [K]) - sq((h - h_sp)/0.05 [m])    "squared distance from the set-points in force"
 }
 
 # ---- Tests: `smpl test models/reactor.eq`, against the published steady states ----

@@ -112,9 +112,31 @@ fn built(expr: &Expr) -> (String, Level) {
 /// `i in solids`, `i in {A, B}`
 fn membership(arguments: &[Expr]) -> String {
     match arguments {
-        [index, set] => format!("{} \\in {}", expression(index), expression(set)),
-        [index, members @ ..] => format!("{} \\in \\left\\lbrace {}\\right\\rbrace", expression(index), list(members)),
+        [index, one] => format!("{} \\in {}", expression(index), set(one)),
+        [index, members @ ..] => format!("{} \\in {}", expression(index), listed(members)),
         [] => String::new(),
+    }
+}
+
+/// The members of a list; a list of one sum of sets is that sum.
+fn listed(members: &[Expr]) -> String {
+    match members {
+        [sum @ Expr { kind: ExprKind::Binary(..), .. }] => set(sum),
+        _ => format!("\\left\\lbrace {}\\right\\rbrace", list(members)),
+    }
+}
+
+/// Sums and differences of sets as unions and differences.
+#[must_use]
+pub fn set(e: &Expr) -> String {
+    match &e.kind {
+        ExprKind::Binary(op, a, b) => {
+            let right = if matches!(b.kind, ExprKind::Binary(..)) { parenthesised(&set(b)) } else { set(b) };
+            format!("{} {} {right}", set(a), if *op == BinaryOp::Sub { "\\setminus" } else { "\\cup" })
+        }
+        ExprKind::Tuple(members) => listed(members),
+        ExprKind::Name(name) => format!("\\mathrm{{{}}}", escape(&name.text)),
+        _ => expression(e),
     }
 }
 
@@ -236,12 +258,17 @@ fn binder_list(binders: &[Binder]) -> String {
 }
 
 fn binder(binder: &Binder) -> String {
+    let only = binder.condition.as_ref().map(|c| format!(" \\text{{ if }} {}", expression(c))).unwrap_or_default();
+    over(binder) + &only
+}
+
+fn over(binder: &Binder) -> String {
     let index = name(&binder.name.text);
     match &binder.over {
         BinderSet::Itself => index,
         BinderSet::Set(set) => format!("{index} \\in \\mathrm{{{}}}", escape(&set.text)),
         BinderSet::Range(low, high) => format!("{index} = {}, \\ldots, {}", expression(low), expression(high)),
-        BinderSet::Tuple(items) => format!("{index} \\in \\left\\lbrace {}\\right\\rbrace", list(items)),
+        BinderSet::Tuple(items) => format!("{index} \\in {}", listed(items)),
     }
 }
 

@@ -64,7 +64,7 @@ pub enum StatementKind {
     Def { name: Ident, parameters: Vec<Parameter>, locals: Vec<Local>, body: Expr },
     /// `param`, `action`, `state`, `var`, `let`, `discrete`, `disturbance`, `random`
     Declare { role: Role, declarations: Vec<Declaration> },
-    /// `eq lhs = rhs for i in species, z`
+    /// `eq lhs = rhs for i in species, z`, `eq lhs = rhs for i in s, j in s if i != j`
     Equation { lhs: Expr, rhs: Expr, binders: Vec<Binder> },
     /// `domain z in 0..L cells n_z scheme central`
     Domain(Domain),
@@ -82,7 +82,7 @@ pub enum StatementKind {
     Instance { component: Ident, name: Ident, indices: Vec<Binder>, arguments: Vec<(Ident, Expr)> },
     /// `connect M1.outlet -> R1.inlet` (a chain of two or more), `connect s[k].out -> s[k+1].in for
     /// k in 1..9 if k != 4`
-    Connect { chain: Vec<Expr>, binders: Vec<Binder>, condition: Option<Expr> },
+    Connect { chain: Vec<Expr>, binders: Vec<Binder> },
     /// `initial c_A ~ uniform(0.7, 1.3) * value(steady(c_A)) clip bounds for x in (...)`
     Initial { target: Expr, random: bool, value: Expr, clip: Option<Clip>, binders: Vec<Binder> },
     /// `initial eq p = 2 [bar] free n`, `initial d/dt T = 0 for z`: a condition at the start
@@ -132,7 +132,8 @@ pub enum StatementKind {
     TestStep(TestStep),
     /// `variant vacuole_flux "text" { overriding statements }`
     Variant { name: Ident, extends: Option<Ident>, text: Option<String>, body: Vec<Statement> },
-    /// `remove state_box`, `remove eq d/dt T`: a statement that a variant takes out
+    /// `remove state_box`, `remove eq d/dt T`, `remove at swap`, `remove connect a -> b` (a tuple),
+    /// `remove at every 3 [s]` (of the kind `every`): statements that a variant takes out
     Remove { kind: Option<Ident>, target: Expr },
     /// `choice axial_scheme = central | downwind "text"`
     Choice { name: Ident, options: Vec<Ident>, text: Option<String> },
@@ -238,6 +239,8 @@ pub struct Binder {
     pub name: Ident,
     /// Set of its values.
     pub over: BinderSet,
+    /// `for i in s, j in s if i != j`: condition on the values, at the last binder of a list.
+    pub condition: Option<Box<Expr>>,
     /// The whole binder.
     pub span: Span,
 }

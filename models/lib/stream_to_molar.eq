@@ -1,8 +1,8 @@
-# From a stream of streams.eq to a molar flow of distillation.eq; the model declares `unit amount = 1 [mol]`.
+# From a stream of streams.eq to a molar flow of flash.eq; the model declares `unit amount = 1 [mol]`.
 # Source: definition of the mole fraction. Range: every component of the liquid is a species, solvents too.
 
 use "lib/streams.eq"
-use "lib/distillation.eq"
+use "lib/flash.eq"
 
 component StreamToMolar "molar flow and mole fractions of a stream" {
   port inlet : Stream

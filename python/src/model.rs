@@ -238,6 +238,7 @@ impl Model {
         match role {
             "observation" => Ok(interface.finish.observations.iter().map(|o| o.name.clone()).collect()),
             "reward" => Ok(interface.finish.rewards.iter().map(|r| r.name.clone()).collect()),
+            "measured" => Ok(interface.measured.clone()),
             _ => Ok(self.elements(Role::of(role)?).iter().map(|e| e.name.clone()).collect()),
         }
     }

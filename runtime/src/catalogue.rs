@@ -214,6 +214,8 @@ pub struct Catalogue {
     pub actions: Family,
     /// Disturbances.
     pub disturbances: Family,
+    /// Names of disturbances that follow data over time.
+    pub measured: Vec<String>,
     /// Parameters.
     pub parameters: Family,
 }
@@ -234,6 +236,7 @@ impl Catalogue {
             discretes: region(model, &interface.quantities.discretes),
             actions: region(model, &interface.quantities.actions),
             disturbances: disturbances(model),
+            measured: interface.measured.clone(),
             parameters: parameters(model),
         }
     }

@@ -292,7 +292,7 @@ pub fn describe_equation(unknown: usize, model: &CompiledModel, catalogue: &Cata
 }
 
 /// The nest of rows that holds the row of an unknown.
-fn row_of(unknown: usize, model: &CompiledModel) -> Option<&Row> {
+pub(crate) fn row_of(unknown: usize, model: &CompiledModel) -> Option<&Row> {
     model.model().rows.iter().find(|row| {
         let first = model.offset(row.var).map(|first| first as i64);
         first.is_some_and(|first| covers(&row.extents, &row.at, unknown as i64 - first))

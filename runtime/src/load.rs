@@ -30,6 +30,7 @@ use self::options::finish;
 use crate::files::{self, plain};
 use crate::scenario::{self, Scenario, Value, Variant};
 use crate::setup::EnvironmentOptions;
+use crate::start::Conflict;
 
 /// Code of the diagnostic of a file that cannot be read.
 pub const UNREADABLE: &str = codes::UNREADABLE.id();
@@ -198,6 +199,9 @@ pub fn load_open(path: &Path, text: String, options: &LoadOptions, open: OpenTex
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
             let circumstances = circumstances(&scenario, &sources, options);
             let loaded = finish(model, sources, &scenario, Layers(&layers), options)?;
+            if let Some(fault) = options.lints.then(|| Conflict::of(&loaded.model)).flatten() {
+                return Err(LoadError::Diagnostics { sources: loaded.sources, diagnostics: vec![fault] });
+            }
             Ok(Loaded { warnings, fingerprint: print, circumstances, ..loaded })
         }
         Err(mut diagnostics) => {

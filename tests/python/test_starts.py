@@ -394,3 +394,18 @@ def test_the_command_trims(tmp_path):
     rows = dict(line.split(",")[::2] for line in stored.read_text().splitlines()[1:])
     assert float(rows["F"]) == pytest.approx(0.8 * math.sqrt(2), rel=1e-9)
     assert float(rows["p"]) == pytest.approx(8.5, rel=1e-9)
+
+
+def test_a_disturbance_that_follows_a_file_is_not_replaced_at_reset(tmp_path):
+    (tmp_path / "w.csv").write_text("t [s],T_amb [degC]\n0,10\n9,12\n")
+    text = """
+time t : s
+disturbance T_amb : degC from "w.csv" linear
+state x : K = 1
+eq d/dt x = (T_amb - 0 [degC] - x)/1 [s]
+observe x in 0..50
+episode { step = 1 [s], max_steps = 3 }
+"""
+    (tmp_path / "m.eq").write_text(text)
+    with pytest.raises(ValueError, match=r"'T_amb' follows a file; name another one or a number in a scenario"):
+        smpl.Env(tmp_path / "m.eq").reset(options={"disturbances": {"T_amb": [1, 2, 3]}})

@@ -208,11 +208,10 @@ impl Resolver<'_> {
                     self.expr(value);
                 }
             }
-            StatementKind::Connect { chain, binders, condition } => {
+            StatementKind::Connect { chain, binders } => {
                 let before = self.out.occurrences.len();
                 self.binders(binders);
                 self.exprs(chain);
-                self.exprs(condition);
                 self.note_equation(statement.span, None, before);
             }
             StatementKind::Initial { .. }
@@ -323,8 +322,11 @@ impl Resolver<'_> {
                 });
                 self.statements(body);
             }
-            StatementKind::Remove { target, .. } => {
-                self.expr(target);
+            StatementKind::Remove { kind, target } => {
+                let is_end = matches!(&target.kind, ExprKind::Name(name) if matches!(name.text.as_str(), "start" | "end"));
+                if !(is_end && kind.as_ref().is_some_and(|kind| kind.text == "at")) {
+                    self.expr(target);
+                }
             }
             StatementKind::TestStep(step) => self.test_step(step),
             StatementKind::Model { .. }
@@ -447,6 +449,7 @@ impl Resolver<'_> {
                     self.local(&binder.name, SymbolKind::Index, None);
                 }
             }
+            self.exprs(binder.condition.as_deref());
         }
     }
 

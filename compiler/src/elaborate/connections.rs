@@ -17,7 +17,7 @@ use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::ranges::SHORTEST;
 use crate::elaborate::lower::{Lowering, indices, nests, paths};
 use crate::elaborate::symbols::{Axis, Port, ScopeId, SymbolId, SymbolKind};
-use crate::ir::{Affine, Expr as Node, ExprId, FastMap, FastSet, Flavour, LoopVar, VarId};
+use crate::ir::{Affine, ExprId, FastMap, FastSet, Flavour, LoopVar, VarId};
 
 /// Ports that are connected by statements of one scope.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ struct Member {
 pub(super) fn connections(
     l: &mut Lowering<'_, '_>,
     scope: ScopeId,
-    (chain, binders, condition): (&[Expr], &[Binder], Option<&Expr>),
+    (chain, binders): (&[Expr], &[Binder]),
     span: Span,
     (out, nodes): (&mut Vec<Equation>, &mut Nodes),
 ) {
@@ -59,23 +59,12 @@ pub(super) fn connections(
         if inner.depth > 0 {
             let message = "connections go over sets and ranges of numbers, not over the cells of a domain";
             s.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, span));
-        } else if condition.is_none_or(|c| is_made(s, c, inner)) {
+        } else {
             connect(s, inner, (chain, span), &mut found, nodes);
         }
         found
     });
     out.extend(pieces.into_iter().flat_map(|piece| piece.value));
-}
-
-/// Value of the condition of a connection.
-fn is_made(l: &mut Lowering<'_, '_>, condition: &Expr, place: &Place) -> bool {
-    let expr = l.condition(condition, place);
-    if let Node::Truth(holds) = l.exprs.node(expr) {
-        return holds;
-    }
-    let fault = Diagnostic::error(codes::WRONG_KIND, "the condition of a connection must be known to the compiler", condition.span);
-    l.ledger.report(fault.help("compare indices and whole numbers: `if i != j`"));
-    false
 }
 
 /// `connect a -> b`

@@ -200,7 +200,7 @@ impl<'a> Declaring<'_, 'a> {
             let message = "there is no such statement to remove";
             let fault = Diagnostic::error(codes::UNKNOWN_NAME, message, target.span);
             self.work.ledger.report(
-                fault.help("`remove` belongs into a variant: write the name of a statement, or its kind and left side, `remove eq d/dt T`"),
+                fault.help("`remove` belongs into a variant: write the name of a statement, or its kind and left side, `remove eq d/dt T`, `remove at start`"),
             );
         }
         let Item::Other(statement) = item else { return };

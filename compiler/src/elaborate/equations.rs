@@ -29,8 +29,8 @@ pub(in crate::elaborate) fn elaborate_equations(l: &mut Lowering<'_, '_>) -> Vec
             let Item::Other(statement) = item else { continue };
             match &statement.kind {
                 StatementKind::Equation { lhs, rhs, binders } => equation(l, *scope, (lhs, rhs, binders), statement.span, &mut out),
-                StatementKind::Connect { chain, binders, condition } => {
-                    connections(l, *scope, (chain, binders, condition.as_ref()), statement.span, (&mut out, &mut nodes));
+                StatementKind::Connect { chain, binders } => {
+                    connections(l, *scope, (chain, binders), statement.span, (&mut out, &mut nodes));
                 }
                 _ => {}
             }

@@ -2,6 +2,7 @@
 //! arrays and their elements.
 
 use smpl_dsl::diagnostic::{Diagnostic, codes, did_you_mean};
+use smpl_dsl::syntax::Declaration;
 
 use crate::elaborate::episode::is_entry_setting;
 use crate::elaborate::lower::Lowering;
@@ -90,7 +91,12 @@ impl<'a> Symbols<'a> {
     /// Other meaning of a name, and the way to give it.
     fn other_kind(&self, name: &str) -> Option<(&'static str, &'static str)> {
         let base = name.split('[').next().unwrap_or_default();
-        let symbol = self.list.values().find(|s| s.path == name || s.path == base)?;
+        let named = || self.list.values().filter(|s| s.path == name || s.path == base);
+        if named().any(|s| matches!(s.kind, SymbolKind::Variable { declaration: Declaration { measured: Some(_), .. }, .. })) {
+            let help = "a scenario names another file, `disturbances: {T_amb: {from: other.csv}}`, or one number";
+            return Some(("a disturbance that follows a file", help));
+        }
+        let symbol = named().next()?;
         let role = match &symbol.kind {
             SymbolKind::Variable { var, .. } => self.vars[*var].role,
             SymbolKind::Let { .. } => Role::Algebraic,

@@ -113,7 +113,7 @@ impl Writer {
             return;
         }
         let read = |binder: &&Binder| velocity.mentions(&binder.name.text) || length.mentions(&binder.name.text);
-        let binders: Vec<Binder> = binders.iter().filter(read).cloned().collect();
+        let binders: Vec<Binder> = binders.iter().filter(read).map(|binder| Binder { condition: None, ..binder.clone() }).collect();
         let known = found.iter().find(|r| Form::bound(&r.binders, [&r.velocity, &r.length]) == Form::bound(&binders, [velocity, length]));
         let name = known.map_or_else(
             || {

@@ -288,7 +288,7 @@ fn misnamed(name: &Ident) -> Diagnostic {
 
 /// `interp(T[z], z = x)`: over the cells `z`, with the position in the place of the condition.
 fn interpolation(function: Ident, body: Vec<Expr>, name: Ident, at: Expr) -> ExprKind {
-    let binder = Binder { span: name.span.to(at.span), name, over: BinderSet::Itself };
+    let binder = Binder { span: name.span.to(at.span), name, over: BinderSet::Itself, condition: None };
     let body = body.into_iter().next().map(Box::new).unwrap_or_else(|| Box::new(at.clone()));
     ExprKind::Reduce { function, body, binders: vec![binder], condition: Some(Box::new(at)) }
 }
@@ -344,14 +344,40 @@ fn membership(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fall
     for part in pair.into_inner() {
         match part.as_rule() {
             Rule::kw_member => function.span = context.span(&part),
-            Rule::name => {
+            Rule::set_sum => match set_sum(context, part, depth)? {
+                Expr { kind: ExprKind::Tuple(list), .. } => arguments.extend(list),
+                sum => arguments.push(sum),
+            },
+            _ => {
                 let name = context.ident(&part)?;
                 arguments.push(Expr { span: name.span, kind: ExprKind::Name(name) });
             }
-            _ => arguments.push(nested(context, part, depth)?),
         }
     }
     Ok(ExprKind::Call { function, arguments })
+}
+
+/// `species - solids`, `{A, B} + (s - {C})`: sums and differences of names and tuples.
+pub(super) fn set_sum(context: &Context<'_>, pair: Pair<'_, Rule>, depth: usize) -> Fallible<Expr> {
+    let whole = context.span(&pair);
+    let (mut sum, mut op): (Option<Expr>, _) = (None, BinaryOp::Add);
+    for part in pair.into_inner() {
+        let place = context.span(&part);
+        let term = match part.as_rule() {
+            Rule::set_sign => {
+                op = if part.as_str() == "-" { BinaryOp::Sub } else { BinaryOp::Add };
+                continue;
+            }
+            Rule::set_sum => set_sum(context, part, depth)?,
+            Rule::set_list => Expr { span: place, kind: ExprKind::Tuple(list(context, part, depth)?) },
+            _ => Expr { span: place, kind: ExprKind::Name(context.ident(&part)?) },
+        };
+        sum = Some(match sum {
+            None => term,
+            Some(left) => Expr { span: left.span.to(term.span), kind: ExprKind::Binary(op, Box::new(left), Box::new(term)) },
+        });
+    }
+    sum.ok_or_else(|| Box::new(Diagnostic::error(codes::SYNTAX, "expected a set", whole)))
 }
 
 /// A place such as `c[i, z]` or `M1.inlet.Q`: what may be assigned, connected or prescribed.
@@ -366,13 +392,19 @@ pub(super) fn binder(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Bi
     let mut children = Children::new(pair);
     let name = children.name(context)?;
     if !children.skip(Rule::kw_in) {
-        return Ok(Binder { name, over: BinderSet::Itself, span });
+        return Ok(Binder { name, over: BinderSet::Itself, condition: None, span });
     }
     if let Some(tuple) = children.take(Rule::binder_tuple) {
-        return Ok(Binder { name, over: BinderSet::Tuple(list(context, tuple, 0)?), span });
+        return Ok(Binder { name, over: BinderSet::Tuple(list(context, tuple, 0)?), condition: None, span });
     }
-    if let Some(set) = children.take(Rule::name) {
-        return Ok(Binder { name, over: BinderSet::Set(context.ident(&set)?), span });
+    if let Some(sum) = children.take(Rule::set_sum) {
+        let sum = set_sum(context, sum, 0)?;
+        let over = match sum.kind {
+            ExprKind::Name(set) => BinderSet::Set(set),
+            ExprKind::Tuple(list) => BinderSet::Tuple(list),
+            kind => BinderSet::Tuple(vec![Expr { span: sum.span, kind }]),
+        };
+        return Ok(Binder { name, over, condition: None, span });
     }
     let low = expr(context, children.expect(context, Rule::expr)?)?;
     let over = match (children.skip(Rule::dots), low.kind) {
@@ -380,11 +412,9 @@ pub(super) fn binder(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Bi
             let high = expr(context, children.expect(context, Rule::expr)?)?;
             BinderSet::Range(Box::new(Expr { span: low.span, kind }), Box::new(high))
         }
-        (false, ExprKind::Name(set)) => BinderSet::Set(set),
-        (false, kind @ ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, ..)) => BinderSet::Tuple(vec![Expr { span: low.span, kind }]),
         (false, _) => return Err(Box::new(bad_binder(low.span))),
     };
-    Ok(Binder { name, over, span })
+    Ok(Binder { name, over, condition: None, span })
 }
 
 fn bad_binder(span: Span) -> Diagnostic {
@@ -398,8 +428,18 @@ pub(super) fn for_clause(context: &Context<'_>, children: &mut Children<'_>) -> 
     children.take(Rule::for_clause).map_or_else(|| Ok(Vec::new()), |pair| binders(context, pair))
 }
 
-/// All binders among the parts of a rule.
+/// All binders among the parts of a rule, the last one with the condition on them.
 pub(super) fn binders(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<Vec<Binder>> {
-    let parts = pair.into_inner().filter(|part| matches!(part.as_rule(), Rule::binder | Rule::set_binder));
-    parts.map(|part| binder(context, part)).collect()
+    let mut found: Vec<Binder> = Vec::new();
+    for part in pair.into_inner() {
+        match part.as_rule() {
+            Rule::binder | Rule::set_binder => found.push(binder(context, part)?),
+            Rule::only_if => {
+                let condition = super::declaration::only_expr(context, part)?;
+                found.last_mut().into_iter().for_each(|last| last.condition = Some(Box::new(condition.clone())));
+            }
+            _ => {}
+        }
+    }
+    Ok(found)
 }

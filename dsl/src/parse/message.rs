@@ -4,7 +4,7 @@ use pest::error::{Error, ErrorVariant, InputLocation};
 
 use super::rules::{BRACKETS, END, EXPRESSION, OPERATOR, describe};
 use super::{Context, Rule};
-use crate::diagnostic::{Diagnostic, codes};
+use crate::diagnostic::{Diagnostic, codes, did_you_mean, suggest};
 use crate::span::span;
 use crate::units::Unit;
 use crate::words::form;
@@ -39,7 +39,9 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
         fault = fault.secondary(keyword, format!("in this `{}`", context.keyword));
     }
     fault.maybe_help(
-        slip(&text[..at], &text[at..], context.keyword).or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))),
+        clause(error, found)
+            .or_else(|| slip(&text[..at], &text[at..], context.keyword))
+            .or_else(|| form(context.keyword).map(|form| format!("the form is `{form}`"))),
     )
 }
 
@@ -58,6 +60,15 @@ fn meant(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
             let (left, operator) = comparison_before(written)?;
             ("a name is compared without quotes".to_owned(), format!("write `{left} {operator} {name}`"))
         }
+        _ if matches!(keyword, "table" | "disturbance") && names_file(written) => {
+            let known = ["step", "linear", "cubic"];
+            let near = suggest(found, known).unwrap_or("linear");
+            let file = &written[written.trim_end_matches('"').rfind('"').unwrap_or(0)..];
+            (
+                "the interpolation of the data is missing: `step`, `linear` or `cubic`".to_owned(),
+                format!("write `from {file} {near}`; `step` holds each value until the next point"),
+            )
+        }
         ")" | "" | "\n" if lacks_else(before) => (
             "an `if` has an `else`, since it has a value in any case".to_owned(),
             "the form is `if condition then one else other`".to_owned(),
@@ -71,6 +82,20 @@ fn meant(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
         _ => return None,
     };
     Some((message, help))
+}
+
+/// Suggests a word of the grammar that is nearly what is there.
+fn clause(error: &Error<Rule>, found: &str) -> Option<String> {
+    let ErrorVariant::ParsingError { positives, .. } = &error.variant else { return None };
+    let words = positives.iter().map(|rule| describe(*rule).trim_matches('`'));
+    let words = words.filter(|word| word.len() > 3 && word.chars().all(|c| c.is_ascii_alphabetic()));
+    if found.len() > 3 { did_you_mean(found, words) } else { None }
+}
+
+/// Returns `true` if a text ends in the name of a data file.
+fn names_file(text: &str) -> bool {
+    let rest = text.strip_suffix('"').and_then(|rest| rest.rfind('"').map(|at| &rest[..at]));
+    rest.is_some_and(|rest| rest.trim_end().ends_with(" from"))
 }
 
 /// Left side and operator of a comparison that a text ends in.

@@ -247,7 +247,7 @@ fn binder_of(previous: &Observation, item: &Observation) -> Option<Binder> {
         Some((low, high)) => BinderSet::Range(Box::new(low.clone()), Box::new(high.clone())),
         None => BinderSet::Itself,
     };
-    Some(Binder { name: name.clone(), over, span: item.span })
+    Some(Binder { name: name.clone(), over, condition: None, span: item.span })
 }
 
 fn indexed_by(value: &Expr, name: &str) -> bool {

@@ -92,6 +92,8 @@ pub(super) fn describe(rule: Rule) -> &'static str {
         Rule::port_name => "a name",
         Rule::binder | Rule::set_binder => "an index",
         Rule::binder_tuple => "a list in parentheses",
+        Rule::set_sum | Rule::set_list => "a set",
+        Rule::set_sign => OPERATOR,
         Rule::declaration | Rule::connector_member => "a declaration",
         Rule::argument | Rule::place_entry | Rule::steady_entry | Rule::structural_parameter => "`name = value`",
         Rule::row | Rule::sparse_cell => "a row of the table",

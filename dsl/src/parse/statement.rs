@@ -8,7 +8,7 @@ use pest::iterators::Pair;
 use super::{Children, Context, Fallible, Rule, declaration, expression, problem, table, unit};
 use crate::diagnostic::{Diagnostic, codes};
 use crate::span::Span;
-use crate::syntax::{Domain, Expr, Flux, Ident, Local, Parameter, ParameterKind, PortName, Role, Statement, StatementKind};
+use crate::syntax::{Domain, Expr, ExprKind, Flux, Ident, Local, Parameter, ParameterKind, PortName, Role, Statement, StatementKind};
 
 /// The rule that reads the rest of a statement behind its keyword.
 pub(super) fn rule(keyword: &str, rest: &str) -> Rule {
@@ -85,14 +85,31 @@ fn single(context: &Context<'_>, mut children: Children<'_>, body: Vec<Statement
             let (name, extends) = (children.name(context)?, declaration::extends(context, &mut children)?);
             Ok(StatementKind::Variant { name, extends, text: children.text(), body })
         }
-        "remove" => Ok(StatementKind::Remove {
-            kind: children.take(Rule::remove_word).map(|word| context.word(&word)),
-            target: expression::expr(context, children.expect(context, Rule::expr)?)?,
-        }),
+        "remove" => remove(context, children),
         "test" => super::test::test(context, children, body),
         "when" => when(context, children, body),
         _ => problem::lower(context, children, body),
     }
+}
+
+/// `low`, `eq d/dt T`, `at every 3 [s]`, `connect a -> b`
+fn remove(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
+    let word = children.take(Rule::remove_word);
+    let kind = children.take(Rule::kw_every).or(word).map(|word| context.word(&word));
+    let first = expression::expr(context, children.expect(context, Rule::expr)?)?;
+    let mut ends = vec![first];
+    while children.skip(Rule::arrow) {
+        ends.push(expression::place(context, children.expect(context, Rule::place)?)?);
+    }
+    let target = match (ends.pop(), ends.first()) {
+        (Some(last), Some(first)) => {
+            let span = first.span.to(last.span);
+            Expr { span, kind: ExprKind::Tuple(ends.into_iter().chain([last]).collect()) }
+        }
+        (Some(only), None) => only,
+        (None, _) => return Err(Box::new(Diagnostic::error(codes::SYNTAX, "expected a name", Span::default()))),
+    };
+    Ok(StatementKind::Remove { kind, target })
 }
 
 fn instances(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Vec<StatementKind>> {
@@ -281,18 +298,13 @@ fn port(context: &Context<'_>, mut children: Children<'_>) -> Fallible<Statement
     Ok(StatementKind::Port { names, connector: children.name(context)? })
 }
 
-fn connect(context: &Context<'_>, children: Children<'_>) -> Fallible<StatementKind> {
+fn connect(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {
     let mut chain = Vec::new();
-    let (mut binders, mut condition) = (Vec::new(), None);
-    for part in children.pairs {
-        match part.as_rule() {
-            Rule::place => chain.push(expression::place(context, part)?),
-            Rule::for_clause => binders = expression::binders(context, part)?,
-            Rule::only_if => condition = Some(declaration::only_expr(context, part)?),
-            _ => {}
-        }
+    while let Some(place) = children.take(Rule::place) {
+        chain.push(expression::place(context, place)?);
+        children.skip(Rule::arrow);
     }
-    Ok(StatementKind::Connect { chain, binders, condition })
+    Ok(StatementKind::Connect { chain, binders: expression::for_clause(context, &mut children)? })
 }
 
 fn choice(context: &Context<'_>, mut children: Children<'_>) -> Fallible<StatementKind> {

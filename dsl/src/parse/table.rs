@@ -23,14 +23,17 @@ pub(super) fn set(context: &Context<'_>, mut children: Children<'_>) -> Fallible
             }
             SetMembers::Names(names)
         }
-        None => {
-            let low = expression::expr(context, children.expect(context, Rule::expr)?)?;
-            if children.skip(Rule::dots) {
-                SetMembers::Range(low, expression::expr(context, children.expect(context, Rule::expr)?)?)
-            } else {
-                SetMembers::Of(low)
+        None => match children.take(Rule::set_sum) {
+            Some(sum) => SetMembers::Of(expression::set_sum(context, sum, 0)?),
+            None => {
+                let low = expression::expr(context, children.expect(context, Rule::expr)?)?;
+                if children.skip(Rule::dots) {
+                    SetMembers::Range(low, expression::expr(context, children.expect(context, Rule::expr)?)?)
+                } else {
+                    SetMembers::Of(low)
+                }
             }
-        }
+        },
     };
     Ok(StatementKind::Set { name, members, formulas, text: children.text() })
 }

@@ -144,7 +144,7 @@ impl StatementKind {
             Self::Component { parameters, .. } => parameters.iter().filter_map(|(_, value)| value.as_ref()).collect(),
             Self::Instance { indices, arguments, .. } => children(indices).chain(arguments.iter().map(|(_, value)| value)).collect(),
             Self::Port { names, .. } => names.iter().flat_map(|port| children(&port.indices)).collect(),
-            Self::Connect { chain, binders, condition } => chain.iter().chain(children(binders)).chain(condition).collect(),
+            Self::Connect { chain, binders } => chain.iter().chain(children(binders)).collect(),
             Self::Initial { target, value, clip, binders, .. } => {
                 [target, value].into_iter().chain(clip.iter().flat_map(Clip::expressions)).chain(children(binders)).collect()
             }

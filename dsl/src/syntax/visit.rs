@@ -43,8 +43,13 @@ impl Expr {
 }
 
 impl Binder {
-    /// The expressions that it runs over: ends of a range, elements of a tuple.
+    /// Ends of a range or elements of a tuple, then the condition.
     pub fn children(&self) -> impl Iterator<Item = &Expr> {
+        self.range().chain(self.condition.as_deref())
+    }
+
+    /// The expressions that it runs over: ends of a range, elements of a tuple.
+    pub fn range(&self) -> impl Iterator<Item = &Expr> {
         let (ends, elements) = match &self.over {
             BinderSet::Itself | BinderSet::Set(_) => (None, [].as_slice()),
             BinderSet::Range(low, high) => (Some([&**low, &**high]), [].as_slice()),
@@ -166,8 +171,9 @@ impl<'e> Writer<'e> {
             }
             let over = if matches!(binder.over, BinderSet::Itself) { &BinderSet::Set(binder.name.clone()) } else { &binder.over };
             self.push(Word::Over(discriminant(over), binder.children().count()));
-            binder.children().for_each(|e| self.expr(e));
+            binder.range().for_each(|e| self.expr(e));
             self.bound.push(&binder.name.text);
+            binder.condition.iter().for_each(|e| self.expr(e));
         }
     }
 

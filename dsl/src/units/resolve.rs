@@ -8,6 +8,7 @@ use super::{OwnUnits, Rational, Unit, table};
 use crate::diagnostic::{Diagnostic, codes, did_you_mean, suggest};
 use crate::span::Span;
 use crate::syntax::{Expr, Ident, UnitBase, UnitExpr, UnitFactor};
+use crate::words;
 
 /// The unit that an expression of units stands for, as one that is in the text. `own` are the units
 /// that the model declares; `unit_of` gives the unit of differences of the expression in `unit(x)`.
@@ -41,9 +42,11 @@ fn named(symbol: &Ident, own: &OwnUnits) -> Result<Unit, Diagnostic> {
     Unit::named(&symbol.text).or_else(|| own.get(&symbol.text).cloned()).ok_or_else(|| {
         let message = format!("unknown unit `{}`", symbol.text);
         let declared = did_you_mean(&symbol.text, own.iter().map(|(known, _)| known));
+        // A misspelt word of the statement.
+        let words = words::CLAUSES.iter().copied().filter(|word| word.len() > 4 && symbol.text.len() > 4);
         Diagnostic::error(codes::UNKNOWN_UNIT, message, symbol.span)
             .label("not a unit")
-            .maybe_help(declared.or_else(|| meant(&symbol.text)))
+            .maybe_help(declared.or_else(|| did_you_mean(&symbol.text, words)).or_else(|| meant(&symbol.text)))
     })
 }
 

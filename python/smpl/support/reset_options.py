@@ -107,6 +107,12 @@ def _disturbances(model: Model, given: Any) -> dict[str, FloatArray]:
         return {}
     if not isinstance(given, Mapping):
         raise ValueError("options['disturbances'] must be a mapping from names to sequences")
+    measured = [name for name in given if name in model.native.names("measured")]
+    if measured:
+        raise ValueError(
+            f"options['disturbances']: {measured[0]!r} follows a file; name another one or a number in a scenario, "
+            f"`disturbances: {{{measured[0]}: {{from: other.csv}}}}`"
+        )
     check_names("options['disturbances']", given, model.disturbance_names)
     sequences = {}
     for name, values in given.items():

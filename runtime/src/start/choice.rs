@@ -1,8 +1,11 @@
 //! The states that conditions at the start determine.
 
 use std::fmt;
+use std::sync::Arc;
 
-use smpl_dsl::diagnostic::SourceMap;
+use smpl_compiler::compiled::CompiledModel;
+use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
+use smpl_dsl::span::Span;
 
 use super::blocks::{Matching, Unmatched};
 use super::problem::{Problem, Row};
@@ -24,6 +27,24 @@ pub struct Conflict {
     pub conditions: Vec<String>,
     /// Equations that they bind together with, in words.
     pub equations: Vec<String>,
+    /// Places of the conditions and of the equations.
+    pub places: [Vec<Span>; 2],
+}
+
+impl Conflict {
+    /// Conditions at the start of a model that determine too much, as a fault of its text.
+    #[must_use]
+    pub fn of(model: &Arc<CompiledModel>) -> Option<Diagnostic> {
+        let mut system = CompiledSystem::new(Arc::clone(model)).ok()?;
+        let conflict = Freed::choose(&mut system, &Catalogue::new(model), None).err()?;
+        let [mut conditions, equations] = conflict.places;
+        let last = conditions.pop()?;
+        let message = format!("{} conditions at the start are too many: no state is left for this one", conditions.len() + 1);
+        let fault = Diagnostic::error(codes::OVERDETERMINED, message, last);
+        let fault = conditions.iter().fold(fault, |fault, span| fault.secondary(*span, "another condition"));
+        let fault = equations.iter().fold(fault, |fault, span| fault.secondary(*span, "holds at the start too"));
+        Some(fault.help("remove a condition, or free another state: `initial eq ... free name`"))
+    }
 }
 
 impl fmt::Display for Conflict {
@@ -97,5 +118,12 @@ fn conflict(problem: &Problem<'_>, unmatched: Unmatched) -> Conflict {
         let rows = unmatched.rows.iter().copied().filter(|&row| matches!(problem.rows[row], Row::Condition(_)) == condition);
         rows.map(|row| problem.describe(row)).collect::<Vec<_>>()
     };
-    Conflict { conditions: texts(true), equations: texts(false) }
+    let places = [true, false].map(|condition| {
+        let rows = unmatched.rows.iter().copied().filter(|&row| matches!(problem.rows[row], Row::Condition(_)) == condition);
+        let mut spans: Vec<Span> = rows.filter_map(|row| problem.place(row)).collect();
+        spans.sort_unstable_by_key(|span| (span.file, span.start));
+        spans.dedup();
+        spans
+    });
+    Conflict { conditions: texts(true), equations: texts(false), places }
 }

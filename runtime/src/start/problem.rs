@@ -2,10 +2,12 @@
 
 use smpl_compiler::compiled::{Derived, WithRespectTo};
 use smpl_compiler::layout::Region;
+use smpl_compiler::model::StartCondition;
+use smpl_dsl::span::Span;
 
 use super::{Context, Sought};
 use crate::catalogue::Element;
-use crate::failure::describe_equation;
+use crate::failure::{describe_equation, row_of};
 use crate::solver::{Bounds, System};
 use crate::system::CompiledSystem;
 
@@ -167,16 +169,29 @@ impl<'a> Problem<'a> {
             Row::Condition(k) => condition_text(self.system, k, self.context.sources),
         }
     }
+
+    /// Place of an equation or a condition in the text.
+    pub(super) fn place(&self, row: usize) -> Option<Span> {
+        let span = match self.rows[row] {
+            Row::Equation(at) => row_of(at, self.system.model())?.span,
+            Row::Condition(k) => condition(self.system, k)?.span,
+        };
+        (span.end > 0).then_some(span)
+    }
+}
+
+/// The condition with a number.
+fn condition(system: &CompiledSystem, number: usize) -> Option<&StartCondition> {
+    let mut first = 0;
+    system.model().interface().start_conditions.iter().find(|c| {
+        first += c.count as usize;
+        number < first
+    })
 }
 
 /// A condition in words: `condition at flash.eq:20`.
 pub(super) fn condition_text(system: &CompiledSystem, number: usize, sources: Option<&smpl_dsl::diagnostic::SourceMap>) -> String {
-    let mut first = 0;
-    let found = system.model().interface().start_conditions.iter().find(|c| {
-        first += c.count as usize;
-        number < first
-    });
-    match (found, sources) {
+    match (condition(system, number), sources) {
         (Some(found), Some(sources)) if found.span.end > 0 => {
             format!("condition at {}:{}", sources.name(found.span.file), sources.locate(found.span).line)
         }

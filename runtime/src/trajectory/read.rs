@@ -82,6 +82,14 @@ pub enum DataError {
         /// The file.
         path: PathBuf,
     },
+    /// Values for each step of a disturbance that follows data over time.
+    #[error("{}: `{name}` follows data over time; a scenario names another file, `disturbances: {{{name}: {{from: other.csv}}}}`", path.display())]
+    Measured {
+        /// The file.
+        path: PathBuf,
+        /// The disturbance.
+        name: String,
+    },
     /// A table without rows.
     #[error("{}: no rows", path.display())]
     Empty {
@@ -400,7 +408,10 @@ fn required(table: &RawTable, family: &Family) -> Result<Vec<usize>, DataError> 
 pub fn read_disturbances(path: &Path, catalogue: &Catalogue, clock: Clock) -> Result<(Sequences, Option<(String, usize)>), DataError> {
     let table = RawTable::read(path)?;
     if catalogue.disturbances.is_empty() {
-        return Err(DataError::NoDisturbances { path: table.path });
+        return Err(match catalogue.measured.iter().find(|name| table.column(name).is_some()) {
+            Some(name) => DataError::Measured { name: name.clone(), path: table.path },
+            None => DataError::NoDisturbances { path: table.path },
+        });
     }
     table.once(catalogue.disturbances.names())?;
     let names: Vec<&str> = catalogue.disturbances.names().filter(|name| table.column(name).is_some()).collect();

@@ -173,6 +173,20 @@ fn faults_of_measured_inputs_have_their_place_and_a_way_out() {
     assert!(shown.contains("the data of `T_amb` leave its bounds -50..20: 30.0") && shown.contains(" at 4 min"), "{shown}");
 }
 
+#[test]
+fn measured_inputs_are_not_replaced_as_parameters_or_sequences() {
+    let path = model("replaced", LAG, WEATHER);
+    let steps = file("replaced", "d.csv", "T_amb\n1\n2\n");
+    for (arguments, message) in [
+        (["--set", "T_amb=3"], "`T_amb` is a disturbance that follows a file, not a parameter or setting"),
+        (["--disturbances", name(&steps)], "`T_amb` follows data over time; a scenario names another file"),
+    ] {
+        let output = smpl(&[&["simulate", name(&path)], &arguments[..]].concat());
+        let shown = text(&output.stderr);
+        assert!(status(&output) != 0 && shown.contains(message), "{shown}");
+    }
+}
+
 /// `PchipInterpolator` of SciPy 1.17.1 through (0, 2), (1, 5), (3, 1), (4, 0), (6, 2) and the same points a period before
 /// and behind, at 0, 0.5, ..., 5.5.
 const SCIPY_PERIODIC: [f64; 12] = [

@@ -50,9 +50,55 @@ fn a_variant_takes_a_controller_out() {
     assert!(last("closed") > 3.0);
 }
 
+/// x decays from 4 as 4 exp(-t), and would be 6 after an event, or 1 more after each instant.
+#[test]
+fn a_variant_takes_blocks_of_instants_and_events_out() {
+    let source = format!(
+        "{DECAY}discrete n_hits = 0\nevent half when x <= 2\nat half {{ reset x = 6; next n_hits = n_hits + 1 }}\n\
+         at every 0.5 [s] {{ reset x = x + 1 }}\nat end {{ next n_ends = n_ends + 1 }}\ndiscrete n_ends = 0\n\
+         variant quiet {{ remove half; remove at every 0.5 [s]; remove at end; remove low }}\n\
+         variant still {{ remove at half; remove at every 0.5 [s]; remove low }}\nvariant loud {{ remove at every 0.5 [s]; remove low }}\n"
+    );
+    let last = |variant: &str, column: &str| {
+        let table = run(variant, &source, &["--variant", variant]).1;
+        let at = table.lines().next().expect("a header").split(',').position(|name| name == column).expect("a column");
+        table.lines().last().expect("a row").split(',').nth(at).expect("a cell").parse::<f64>().expect("a number")
+    };
+    for (variant, ends) in [("quiet", 0.0), ("still", 3.0)] {
+        assert!((last(variant, "x") - 4.0 * (-3.0_f64).exp()).abs() < 1e-5, "{variant}");
+        assert_eq!((last(variant, "n_ends"), last(variant, "n_hits")), (ends, 0.0));
+    }
+    // Events at ln 2, then at each ln 3: at 0.693, 1.792 and 2.890.
+    assert!((last("loud", "x") - 6.0 * (2.0_f64.ln() + 2.0 * 3.0_f64.ln() - 3.0).exp()).abs() < 1e-4);
+    assert_eq!(last("loud", "n_hits"), 3.0);
+}
+
+/// A tank behind another one, or fed by a source of 0.5: it tends to 1 or to 0.5.
+#[test]
+fn a_variant_takes_a_connection_out() {
+    let source = "time t : s\nconnector S { q }\n\
+         component Tank { port a, b : S\nstate x = 0 in 0..2\neq d/dt x = (a.q - x)/0.1 [s]\neq b.q = x }\n\
+         component Feed { param q = 1\nport b : S\neq b.q = q }\nuse Feed as f\nuse Tank as one, two\nconnect f.b -> one.a\n\
+         connect one.b -> two.a\nvariant split { remove connect one.b -> two.a\nuse Feed as g(q = 0.5)\nconnect g.b -> two.a }\n\
+         episode { step = 1 [s], max_steps = 3 }\n";
+    let last = |more: &[&str]| {
+        let table = run("connection", source, more).1;
+        let at = table.lines().next().expect("a header").split(',').position(|name| name == "two.x").expect("a column");
+        table.lines().last().expect("a row").split(',').nth(at).expect("a cell").parse::<f64>().expect("a number")
+    };
+    assert!((last(&[]) - 1.0).abs() < 1e-6 && (last(&["--variant", "split"]) - 0.5).abs() < 1e-6);
+}
+
 #[test]
 fn a_removal_without_a_statement_is_refused() {
-    for line in ["variant v { remove fail hihg }", "variant v { remove eq d/dt y }", "variant v { remove reward low }", "remove low"] {
+    for line in [
+        "variant v { remove fail hihg }",
+        "variant v { remove eq d/dt y }",
+        "variant v { remove reward low }",
+        "variant v { remove at strat }",
+        "variant v { remove connect a -> b }",
+        "remove low",
+    ] {
         let output = smpl(&["check", name(&file("nothing", "m.eq", format!("{DECAY}{line}\n"))), "--variant", "v"]);
         let output =
             if line.starts_with("remove") { smpl(&["check", name(&file("nothing", "m.eq", format!("{DECAY}{line}\n")))]) } else { output };

@@ -147,10 +147,14 @@ impl<'a> Declaring<'_, 'a> {
             }
         }
         for (name, e) in waiting.into_iter().filter(|_| last) {
-            let unknown = self.symbols.not_a_set(scope, e).unwrap_or(e.span);
-            let fault =
-                Diagnostic::error(codes::UNKNOWN_NAME, format!("the set `{}` is made of sets, this is not one", name.text), unknown);
-            self.work.ledger.report(fault.help("write `{ a, b }`, `1..9`, `species - solids` or `(c_A, T)`"));
+            let unknown = self.symbols.not_a_set(scope, e).unwrap_or(e);
+            let message = format!("the set `{}` is made of sets, this is not one", name.text);
+            let near = match &unknown.kind {
+                ExprKind::Name(name) => self.work.ledger.reports.did_you_mean(&name.text, self.symbols.names_of_sets()),
+                _ => None,
+            };
+            let help = near.unwrap_or_else(|| "write `{ a, b }`, `1..9`, `species - solids` or `(c_A, T)`".to_owned());
+            self.work.ledger.report(Diagnostic::error(codes::UNKNOWN_NAME, message, unknown.span).help(help));
             self.faulty(scope, name);
         }
     }
@@ -219,6 +223,11 @@ impl<'a> Declaring<'_, 'a> {
             let message = format!("`{}` is not a state, and only states can be preferred as states", d.name.text);
             self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, word).help("remove the word `prefer`"));
         }
+        if let Some(sample) = d.sample.as_ref().filter(|_| !may_be_drawn(role)) {
+            let message = format!("`{}` has no value at the start that `~` could draw", d.name.text);
+            let help = "`~` draws a `param`, and the start of a `state` or `discrete`; a `disturbance` is drawn at each step";
+            self.work.ledger.report(Diagnostic::error(codes::WRONG_KIND, message, sample.span).help(help));
+        }
         let place = Place::new(scope, Site::Dynamics);
         let Some((axes, binders)) = self.axes(&d.indices, &place) else { return self.faulty(scope, &d.name) };
         let written = d.unit.as_ref().map(|u| units::unit(&mut self.lowering(), u, &place));
@@ -279,5 +288,13 @@ impl<'a> Declaring<'_, 'a> {
         }
         self.declare_measured(scope, d, measured, &unit);
         self.new_variable(scope, &d.name, Role::Algebraic, Vec::new(), unit, d);
+    }
+}
+
+/// Returns `true` if declarations of a role may have a random value after `~`.
+fn may_be_drawn(role: syntax::Role) -> bool {
+    match role {
+        syntax::Role::Param | syntax::Role::State | syntax::Role::Discrete | syntax::Role::Disturbance | syntax::Role::Random => true,
+        syntax::Role::Action | syntax::Role::Var | syntax::Role::Let => false,
     }
 }

@@ -47,6 +47,11 @@ impl<'a> Declaring<'_, 'a> {
         let mut rates: Vec<Option<SymbolId>> = Vec::new();
         for reaction in reactions(list) {
             let d = &reaction.declaration;
+            if !reaction.rated && self.symbols.lookup(scope, "rate").is_none() {
+                self.without_rate(scope, reaction);
+                rates.push(None);
+                continue;
+            }
             let rate = match (self.axes(&d.indices, &place), &d.value) {
                 (Some((axes, names)), Some(definition)) => {
                     for axis in &axes {
@@ -72,6 +77,16 @@ impl<'a> Declaring<'_, 'a> {
             let name = Ident { text: (*name).to_owned(), span: first.declaration.name.span };
             self.declare(scope, &name, made.clone().map_or(SymbolKind::Faulty, kind));
         }
+    }
+
+    /// Reports a reaction that neither states its rate nor takes it from an array of rates.
+    fn without_rate(&mut self, scope: ScopeId, reaction: &Reaction) {
+        let name = &reaction.declaration.name;
+        let consumed = reaction.terms.iter().find(|term| term.consumed).map_or("c", |term| &term.species.text);
+        let fault = Diagnostic::error(codes::MISSING_CLAUSE, format!("the reaction `{}` has no rate", name.text), name.span);
+        let help = format!("add `rate k*c[{consumed}]`, or declare `var rate[reactions]` with an equation for each reaction");
+        self.work.ledger.report(fault.help(help));
+        self.faulty(scope, name);
     }
 
     /// The reactions of a block with their species; `None` after a report.

@@ -47,7 +47,7 @@ pub(in crate::elaborate) struct Assignments {
     /// Guards exclude one another: several may assign one variable.
     pub exclusive: bool,
     /// Elements that have a `next`, by scope and instant.
-    assigned: FastMap<(ScopeId, String), FastMap<(VarId, i64), Span>>,
+    assigned: FastMap<(ScopeId, String), Setters>,
 }
 
 /// Target of a statement of an instant, and the permitted targets.
@@ -106,42 +106,57 @@ pub(in crate::elaborate) fn instant_statement(
         let mut extents = piece.extents;
         extents.extend(whole);
         if kind == Kind::Next && !assignments.exclusive {
-            check_next(l, assignments, (scope, instant), var, (&extents, at), statement.span);
+            check_next(l, assignments, (scope, instant), var, (&extents, at), (statement.span, Setter::Next));
         }
         draft.push(l, block, kind, Assignment { extents, store: store(Memory::Var(var), at, v) });
     }
 }
 
-/// Two `next`s of one element at one instant are a fault, one for a statement.
+/// Elements that are set at one instant, with the statement of each.
+type Setters = FastMap<(VarId, i64), (Span, Setter)>;
+
+/// Kind of a statement that gives a discrete variable its value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::elaborate::episode) enum Setter {
+    Next,
+    Control,
+}
+
+/// Two `next`s or controllers of one element at one instant are a fault, one for a statement.
 pub(in crate::elaborate::episode) fn check_next(
     l: &mut Lowering<'_, '_>,
     assignments: &mut Assignments,
     (scope, instant): (ScopeId, &str),
     var: VarId,
     (extents, at): (&[u32], Affine),
-    span: Span,
+    (span, setter): (Span, Setter),
 ) {
     let mut twice = None;
     let assigned = assignments.assigned.entry((scope, instant.to_owned())).or_default();
     for_each_element(extents, at, &mut |i| {
-        if let Some(first) = assigned.insert((var, i), span) {
+        if let Some(first) = assigned.insert((var, i), (span, setter)) {
             twice.get_or_insert((i, first));
         }
     });
-    if let Some((element, first)) = twice {
+    if let Some((element, (first, before))) = twice {
         let name = l.quantities.get(&var).map_or_else(String::new, |q| q.element_name(element.max(0) as usize));
+        let message = match (setter, before) {
+            (Setter::Next, Setter::Next) => format!("two `next {name}` at one instant"),
+            (Setter::Control, Setter::Control) => format!("`{name}` has two controllers"),
+            _ => format!("`{name}` is set by a controller and by `next`"),
+        };
         let help = match instant {
+            _ if setter == Setter::Control && before == Setter::Control => {
+                "remove one of them; for a cascade, let one set the set-point of the other: `control y_set from x setpoint r ...`"
+            }
+            _ if setter != before => "a controller keeps the last value, or another one, by `manual v when condition`: write no `next`",
             "end" => {
                 "a discrete variable has one `next` in all `at end` blocks of a model or component: write one expression, or let another variable hold what is in between"
             }
             "every" => "regular instants with different intervals meet, and assign together: let one of them set another variable",
             _ => "all `next` of an instant assign together, so there can be one only",
         };
-        l.ledger.report(
-            Diagnostic::error(codes::DUPLICATE_NAME, format!("two `next {name}` at one instant"), span)
-                .secondary(first, "the first one")
-                .help(help),
-        );
+        l.ledger.report(Diagnostic::error(codes::DUPLICATE_NAME, message, span).secondary(first, "the first one").help(help));
     }
 }
 

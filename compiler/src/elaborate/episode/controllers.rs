@@ -10,7 +10,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Control, Expr, ExprKind, Ident};
 use smpl_dsl::units::Unit;
 
-use crate::elaborate::episode::assignments::{Assignments, check_next};
+use crate::elaborate::episode::assignments::{Assignments, Setter, check_next};
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::parameters::limits;
 use crate::elaborate::episode::regular;
@@ -45,7 +45,7 @@ pub(super) fn controller(
     let pieces = nests::nest(l, &control.binders, &place, &mut |s, inner| controlled(s, control, inner));
     for piece in pieces {
         let Some(Controlled { output: (var, at), value, memory, error }) = piece.value else { continue };
-        check_next(l, assignments, (scope, "every"), var, (&piece.extents, at), span);
+        check_next(l, assignments, (scope, "every"), var, (&piece.extents, at), (span, Setter::Control));
         for (var, at, value) in [(var, at, value), (memory.0, memory.1, error)] {
             let store = store(Memory::Var(var), at, value);
             draft.push(l, span, Kind::Next, Assignment { extents: piece.extents.clone(), store });

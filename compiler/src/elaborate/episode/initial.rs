@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::span::Span;
-use smpl_dsl::syntax::{Clip, Expr, ExprKind, Statement, StatementKind};
+use smpl_dsl::syntax::{self, Clip, Expr, ExprKind, Ident, Statement, StatementKind};
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::{Given, each, shown, store, stream_name, two_values};
@@ -33,7 +33,22 @@ impl Starts {
     fn of(&mut self, role: Role) -> &mut Assembly {
         if role == Role::State { &mut self.states } else { &mut self.discretes }
     }
+
+    /// Adds the starts of one statement; returns the elements that it sets.
+    fn add(&mut self, l: &Lowering<'_, '_>, piece: Piece<Option<Started>>) -> Vec<(Vec<u32>, Affine)> {
+        let Some((var, list)) = piece.value else { return Vec::new() };
+        let starts = self.of(l.symbols.vars[var].role);
+        let each = list.into_iter().map(|Piece { extents, value: (at, value) }| {
+            let extents = [piece.extents.as_slice(), &extents].concat();
+            starts.nests.push(Nest::over(extents.clone(), vec![store(Memory::Var(var), at, value)]));
+            (extents, at)
+        });
+        each.collect()
+    }
 }
+
+/// A variable with the values of its elements at the start.
+type Started = (VarId, Vec<Piece<(Affine, ExprId)>>);
 
 /// The steady problem as it is stated.
 pub(in crate::elaborate) struct SteadyProgram {
@@ -280,6 +295,7 @@ pub(in crate::elaborate) fn initial_programs<'a>(l: &mut Lowering<'_, 'a>, block
         states: Assembly { nests: starts.states.gathered(), single: Vec::new() },
         discretes: Assembly { nests: starts.discretes.gathered(), single: Vec::new() },
     };
+    drawn_starts(l, blocks, &mut starts);
     stated_starts(l, blocks, &mut starts);
     asked_starts(l, &mut starts);
     let (nests, cycles) = ordered_initial(starts.states.nests, l.exprs, &l.symbols.vars);
@@ -313,6 +329,24 @@ fn declared_starts(l: &mut Lowering<'_, '_>, starts: &mut Starts) {
     }
 }
 
+/// Starts that declarations draw, `state x = 1 ~ normal(1, 0.1)`; each `initial` overrides them.
+fn drawn_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
+    for (scope, item) in each(blocks) {
+        let Item::Declare(syntax::Role::State | syntax::Role::Discrete, d) = item else { continue };
+        let Some(value) = &d.sample else { continue };
+        let named = |name: &Ident| Expr { span: name.span, kind: ExprKind::Name(name.clone()) };
+        let indices: Vec<Expr> = d.indices.iter().map(|binder| named(&binder.name)).collect();
+        let target = match indices.is_empty() {
+            true => named(&d.name),
+            false => Expr { span: d.name.span, kind: ExprKind::Index(Box::new(named(&d.name)), indices) },
+        };
+        let start = StartText { target: &target, random: true, value, clip: d.clip.as_ref(), asked: false };
+        for piece in nests::nest(l, &d.indices, &Place::new(scope, Site::Reset), &mut |s, inner| initial(s, start, inner)) {
+            starts.add(l, piece);
+        }
+    }
+}
+
 /// Starts that `initial` states. Those that a scenario asks for come last: they hold against all of
 /// the text.
 fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>)], starts: &mut Starts) {
@@ -327,17 +361,9 @@ fn stated_starts<'a>(l: &mut Lowering<'_, 'a>, blocks: &[(ScopeId, Vec<Item<'a>>
         let asked = is_asked(&item);
         let start = StartText { target, random: *random, value, clip: clip.as_ref(), asked };
         for piece in nests::nest(l, binders, &place, &mut |s, inner| initial(s, start, inner)) {
-            let Some((var, list)) = piece.value else { continue };
-            for p in list {
-                let (at, value) = p.value;
-                let mut extents = piece.extents.clone();
-                extents.extend(p.extents);
-                if !asked {
-                    let of = (scope, var, breadth(target, binders));
-                    set.push(SetElements { of, extents: extents.clone(), at, span: target.span });
-                }
-                let stores = vec![store(Memory::Var(var), at, value)];
-                starts.of(l.symbols.vars[var].role).nests.push(Nest::over(extents, stores));
+            let Some(var) = piece.value.as_ref().map(|(var, _)| *var) else { continue };
+            for (extents, at) in starts.add(l, piece).into_iter().filter(|_| !asked) {
+                set.push(SetElements { of: (scope, var, breadth(target, binders)), extents, at, span: target.span });
             }
         }
     }
@@ -430,8 +456,7 @@ struct StartText<'s> {
 
 /// One `initial` statement at one place: a scalar, an element, or a whole array. `None` if a
 /// requested number replaces it, which is set with the declarations.
-#[allow(clippy::type_complexity, reason = "a variable and pieces of it")]
-fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Option<(VarId, Vec<Piece<(Affine, ExprId)>>)> {
+fn initial(l: &mut Lowering<'_, '_>, start: StartText<'_>, place: &Place) -> Option<Started> {
     let StartText { target, random, value, clip, asked } = start;
     let (symbol, at) = boxes::target(l, target, place, &[Role::State, Role::Discrete, Role::Disturbance])?;
     let SymbolKind::Variable { var, unit, .. } = l.symbols[symbol].kind.clone() else { return None };

@@ -178,7 +178,8 @@ fn observation(l: &mut Lowering<'_, '_>, o: &Observation, place: &Place, out: &m
 /// `observe states`, `observe x for x in states`
 fn are_all_states(o: &Observation) -> bool {
     let ExprKind::Name(name) = &o.value.kind else { return false };
-    let over_states = |b: &Binder| b.name.text == name.text && matches!(&b.over, BinderSet::Set(set) if set.text == "states");
+    let over_states =
+        |b: &Binder| b.name.text == name.text && b.condition.is_none() && matches!(&b.over, BinderSet::Set(set) if set.text == "states");
     name.text == "states" || matches!(o.binders.as_slice(), [binder] if over_states(binder))
 }
 

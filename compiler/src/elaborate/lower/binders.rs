@@ -3,6 +3,7 @@
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 use smpl_dsl::syntax::{Binder, BinderSet, Expr, ExprKind, Ident};
 
+use crate::elaborate::lower::membership::unknown_set;
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::{Lowering, structural};
 use crate::elaborate::naming::Naming;
@@ -33,6 +34,10 @@ pub(in crate::elaborate) fn bindings_of(l: &mut Lowering<'_, '_>, binder: &Binde
             for e in list {
                 if let Some(members) = members_of(l, e, place) {
                     out.extend(members);
+                    continue;
+                }
+                if matches!(e.kind, ExprKind::Binary(..)) && l.symbols.has_set(scope, e) {
+                    unknown_set(l, l.symbols.not_a_set(scope, e).unwrap_or(e));
                     continue;
                 }
                 // An element that is itself bound here must be taken now.

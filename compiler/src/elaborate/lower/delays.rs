@@ -10,9 +10,9 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::Expr;
 
 use crate::elaborate::hidden::{Delayed, element};
-use crate::elaborate::lower::Lowering;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
+use crate::elaborate::lower::{Lowering, units};
 use crate::elaborate::select::items::reference;
 use crate::ir::{Affine, BinaryFn, DELAY_SLOTS, DelaySlot, Expr as Node, ExprId, Flavour, MAX_DEPTH, Role, UnaryFn};
 use crate::model::{Delay, Lag};
@@ -89,6 +89,11 @@ fn delayed(
     }
     let mut before_start = None;
     if let Some((before, at)) = before {
+        if let (Measure::Of(own), Measure::Of(other)) = (&value.unit, &before.unit)
+            && l.values().convert(before.expr, other, own).is_none()
+        {
+            return l.fault(units::mismatch(other, own, at, "the value `before` of `delay`", argument.span));
+        }
         let Some((now, earlier)) = l.values().common(&value, argument.span, &before, at, span) else { return l.poison() };
         let unit = value.unit.beside(&before.unit);
         (value, before_start) = (Value { expr: now, unit }, Some(earlier));

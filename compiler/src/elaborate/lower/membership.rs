@@ -19,22 +19,30 @@ pub(in crate::elaborate) fn membership(l: &mut Lowering<'_, '_>, arguments: &[Ex
     let mut holds = false;
     for e in among {
         let ExprKind::Name(name) = &e.kind else {
-            return l.fault(Diagnostic::error(codes::BAD_BINDER, "an index is among the members of a set or a list of names", e.span));
+            match l.symbols.labels_of(place.scope, e) {
+                Some(members) => holds |= members.contains(&label),
+                None => return unknown_set(l, l.symbols.not_a_set(place.scope, e).unwrap_or(e)),
+            }
+            continue;
         };
         let symbol = l.symbols.lookup(place.scope, &name.text);
         match symbol.map(|symbol| &l.symbols[symbol].kind) {
             Some(SymbolKind::Set(set) | SymbolKind::Phase(set)) => holds |= l.symbols.sets[*set].position(&label).is_some(),
             Some(SymbolKind::Faulty) => return l.poison(),
             _ if l.symbols.sets.values().any(|set| set.position(&name.text).is_some()) => holds |= label == name.text,
-            _ => {
-                let sets = l.symbols.sets.values().map(|set| set.name.as_str());
-                let help = l.ledger.reports.did_you_mean(&name.text, sets);
-                let fault = Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span);
-                return l.fault(fault.maybe_help(help));
-            }
+            _ => return unknown_set(l, e),
         }
     }
     Value::truth(l.exprs.truth(holds))
+}
+
+/// Reports a part of a set that is neither a set nor a member of one.
+pub(in crate::elaborate) fn unknown_set(l: &mut Lowering<'_, '_>, e: &Expr) -> Value {
+    let ExprKind::Name(name) = &e.kind else {
+        return l.fault(Diagnostic::error(codes::BAD_BINDER, "an index is among the members of a set or a list of names", e.span));
+    };
+    let help = l.ledger.reports.did_you_mean(&name.text, l.symbols.names_of_sets());
+    l.fault(Diagnostic::error(codes::UNKNOWN_NAME, format!("unknown set `{}`", name.text), name.span).maybe_help(help))
 }
 
 /// The label of an index; a range that stays a loop is written out.

@@ -1,12 +1,13 @@
 //! Nests of loops over binders.
 
-use smpl_dsl::syntax::Binder;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::syntax::{Binder, Expr};
 
 use crate::elaborate::lower::loops::{Cell, Piece};
 use crate::elaborate::lower::place::{BinderValue, Bound, Place};
 use crate::elaborate::lower::{Lowering, binders};
 use crate::elaborate::symbols::{Axis, Symbols};
-use crate::ir::{Affine, ExprId, LoopVar, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, LoopVar, VarId};
 
 /// Elaborates `body` for everything that the binders run over: sets unrolled, cells as loops.
 pub(in crate::elaborate) fn nest<'m, 'a, T>(
@@ -38,10 +39,13 @@ fn nest_of<'m, 'a, T>(
     let Some((binder, rest)) = binders.split_first() else {
         return vec![Piece { extents: Vec::new(), value: body(l, place) }];
     };
+    let mut pass = |l: &mut Lowering<'m, 'a>, inner: &Place| match &binder.condition {
+        Some(condition) if !is_included(l, condition, inner) => Vec::new(),
+        _ => nest_of(l, rest, inner, runs, body),
+    };
     if runs
         && let Some(range) = l.run_of(binder, place)
-        && let Some(pieces) =
-            l.attempt(|s| looped(s, binder, range, Bound::Run, place, &mut |s, inner| nest_of(s, rest, inner, runs, body)))
+        && let Some(pieces) = l.attempt(|s| looped(s, binder, range, Bound::Run, place, &mut pass))
     {
         return pieces;
     }
@@ -53,7 +57,7 @@ fn nest_of<'m, 'a, T>(
         let (low, high) = match &value {
             BinderValue::One(bound) => {
                 let inner = place.bind(&binder.name.text, bound.clone());
-                out.extend(nest_of(l, rest, &inner, runs, body));
+                out.extend(pass(l, &inner));
                 continue;
             }
             BinderValue::Cells(_, low, high) => (*low, *high),
@@ -64,9 +68,21 @@ fn nest_of<'m, 'a, T>(
             BinderValue::Cells(domain, ..) => Bound::Cell(*domain, cell),
             BinderValue::One(bound) => bound.clone(),
         };
-        out.extend(looped(l, binder, (low, high), bound, place, &mut |s, inner| nest_of(s, rest, inner, runs, body)));
+        out.extend(looped(l, binder, (low, high), bound, place, &mut pass));
     }
     out
+}
+
+/// Value of the condition on the indices of a statement.
+fn is_included(l: &mut Lowering<'_, '_>, condition: &Expr, place: &Place) -> bool {
+    let Some(expr) = l.sound_condition(condition, place) else { return false };
+    if let Node::Truth(holds) = l.exprs.node(expr) {
+        return holds;
+    }
+    let message = "a condition on indices must be known to the compiler";
+    let fault = Diagnostic::error(codes::WRONG_KIND, message, condition.span);
+    l.ledger.report(fault.help("compare indices and whole numbers, `if i != j`; a value that changes belongs into the expression"));
+    false
 }
 
 /// The pieces of a loop, with what `body` makes in it.

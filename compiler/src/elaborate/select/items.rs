@@ -153,7 +153,10 @@ pub(crate) fn overlay<'a>(base: &mut Vec<Item<'a>>, over: Vec<Item<'a>>) {
     let (removals, over): (Vec<Item<'a>>, Vec<Item<'a>>) = over.into_iter().partition(|item| removed(item).is_some());
     for item in removals {
         let before = base.len();
-        base.retain(|other| removed(&item).is_none_or(|(kind, target)| !is_removed(other, kind, target)));
+        let Some((kind, target)) = removed(&item) else { continue };
+        let is_gone = |other: &Item<'_>| is_removed(other, kind, target);
+        let events: Vec<&str> = base.iter().filter(|other| is_gone(other)).filter_map(event).collect();
+        base.retain(|other| !is_gone(other) && !moment(other).is_some_and(|name| events.contains(&name)));
         // What removes nothing stays, and is reported.
         if base.len() == before {
             base.push(item);
@@ -185,8 +188,33 @@ pub(crate) fn removed<'a>(item: &Item<'a>) -> Option<(Option<&'a Ident>, &'a Exp
     }
 }
 
+/// The name of an event.
+fn event<'a>(item: &Item<'a>) -> Option<&'a str> {
+    match item {
+        Item::Other(Statement { kind: StatementKind::Event { name, .. }, .. }) => Some(&name.text),
+        _ => None,
+    }
+}
+
+/// The name of the instant at which a statement of an `at` block runs.
+fn moment<'a>(item: &Item<'a>) -> Option<&'a str> {
+    match item {
+        Item::At(moment, _) if moment.every.is_none() => Some(&moment.name.text),
+        _ => None,
+    }
+}
+
 /// Returns whether a statement is the one to be removed.
 fn is_removed(item: &Item<'_>, kind: Option<&Ident>, target: &Expr) -> bool {
+    match (kind.map(|kind| kind.text.as_str()), item) {
+        (Some("at"), _) => return moment(item).is_some_and(|own| matches!(&target.kind, ExprKind::Name(name) if name.text == own)),
+        (Some("every"), Item::At(moment, _)) => return moment.every.is_some_and(|every| Form::of(every) == Form::of(target)),
+        (Some("connect"), Item::Other(Statement { kind: StatementKind::Connect { chain, .. }, .. })) => {
+            let ends = if let ExprKind::Tuple(ends) = &target.kind { ends.as_slice() } else { std::slice::from_ref(target) };
+            return Form::bound(&[], chain) == Form::bound(&[], ends);
+        }
+        _ => {}
+    }
     let same_kind = kind.is_none_or(|kind| kind.text == keyword(item));
     let named = |name: &str| matches!(&target.kind, ExprKind::Name(own) if own.text == name);
     same_kind
@@ -200,7 +228,7 @@ fn is_removed(item: &Item<'_>, kind: Option<&Ident>, target: &Expr) -> bool {
         }
 }
 
-/// The left side, the target or the first end of a statement without a name.
+/// The left side or the target of a statement without a name.
 fn left_side<'a>(item: &Item<'a>) -> Option<&'a Expr> {
     let (Item::Other(statement) | Item::At(_, statement)) = item else { return None };
     match &statement.kind {
@@ -209,7 +237,6 @@ fn left_side<'a>(item: &Item<'a>) -> Option<&'a Expr> {
         | StatementKind::Next { target, .. }
         | StatementKind::Reset { target, .. }
         | StatementKind::Clamp { target, .. } => Some(target),
-        StatementKind::Connect { chain, .. } => chain.first(),
         StatementKind::Control(control) => Some(&control.output),
         _ => None,
     }
@@ -327,9 +354,7 @@ fn statement_key(kind: &StatementKind) -> Option<Key<'_>> {
         | StatementKind::StartEquation { lhs: target, binders, .. }
         | StatementKind::Initial { target, binders, .. } => Key::Determined(discriminant(kind), Form::bound(binders, [target])),
         StatementKind::Control(control) => Key::Determined(discriminant(kind), Form::bound(&control.binders, [&control.output])),
-        StatementKind::Connect { chain, binders, condition } => {
-            Key::Determined(discriminant(kind), Form::bound(binders, chain.iter().chain(condition)))
-        }
+        StatementKind::Connect { chain, binders } => Key::Determined(discriminant(kind), Form::bound(binders, chain)),
         StatementKind::Fail { name, .. }
         | StatementKind::Success { name, .. }
         | StatementKind::Constraint { name, .. }

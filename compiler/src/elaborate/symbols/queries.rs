@@ -1,12 +1,11 @@
 //! Queries of the symbols.
 
-use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{BinaryOp, Expr, ExprKind, ReactionTerm, StatementKind};
 
 use crate::elaborate::lower::place::Place;
 use crate::elaborate::select::items::Item;
 use crate::elaborate::symbols::{Axis, OneReaction, ScopeId, SetId, SymbolId, SymbolKind, Symbols};
-use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, Flavour, Role, VarId};
+use crate::ir::{Affine, Expr as Node, ExprId, Exprs, FastMap, FastSet, Flavour, Role, VarId};
 use crate::model;
 
 impl<'a> Symbols<'a> {
@@ -171,15 +170,49 @@ impl<'a> Symbols<'a> {
                 labels.retain(|label| !without.contains(label));
                 Some(labels)
             }
+            ExprKind::Tuple(list) => {
+                let mut labels: Vec<String> = Vec::new();
+                for e in list {
+                    let members = self.labels_of(scope, e).or_else(|| Some(vec![self.known_member(e)?.to_owned()]))?;
+                    labels.extend(members);
+                }
+                let mut seen = FastSet::default();
+                labels.retain(|label| seen.insert(label.clone()));
+                Some(labels)
+            }
             _ => None,
         }
     }
 
-    /// Place of the first part of a set of sets that is not a set.
-    pub(in crate::elaborate) fn not_a_set(&self, scope: ScopeId, e: &Expr) -> Option<Span> {
+    /// Names of sets and of their members.
+    pub(in crate::elaborate) fn names_of_sets(&self) -> impl Iterator<Item = &str> {
+        self.sets.values().flat_map(|set| set.labels.iter().chain([&set.name])).map(String::as_str)
+    }
+
+    /// Returns `true` if a set occurs in sums and differences.
+    pub(in crate::elaborate) fn has_set(&self, scope: ScopeId, e: &Expr) -> bool {
         match &e.kind {
-            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.not_a_set(scope, a).or_else(|| self.not_a_set(scope, b)),
-            _ => self.labels_of(scope, e).is_none().then_some(e.span),
+            ExprKind::Binary(BinaryOp::Add | BinaryOp::Sub, a, b) => self.has_set(scope, a) || self.has_set(scope, b),
+            ExprKind::Name(_) | ExprKind::Tuple(_) => self.labels_of(scope, e).is_some(),
+            _ => false,
+        }
+    }
+
+    /// The name of a member of some set.
+    fn known_member<'e>(&self, e: &'e Expr) -> Option<&'e str> {
+        let ExprKind::Name(name) = &e.kind else { return None };
+        self.sets.values().any(|set| set.position(&name.text).is_some()).then_some(name.text.as_str())
+    }
+
+    /// The first part of a set of sets that is neither a set nor a member in a list.
+    pub(in crate::elaborate) fn not_a_set<'e>(&self, scope: ScopeId, e: &'e Expr) -> Option<&'e Expr> {
+        match &e.kind {
+            ExprKind::Binary(op @ (BinaryOp::Add | BinaryOp::Sub), a, b) => {
+                let is_member = *op == BinaryOp::Sub && self.known_member(b).is_some();
+                self.not_a_set(scope, a).or_else(|| self.not_a_set(scope, b).filter(|_| !is_member))
+            }
+            ExprKind::Tuple(list) => list.iter().find(|e| self.known_member(e).is_none() && self.labels_of(scope, e).is_none()),
+            _ => self.labels_of(scope, e).is_none().then_some(e),
         }
     }
 
@@ -201,6 +234,10 @@ impl<'a> Symbols<'a> {
                 _ => None,
             },
             ExprKind::Binary(_, a, b) => self.set_with(scope, a, label).or_else(|| self.set_with(scope, b, label)),
+            ExprKind::Tuple(list) => {
+                let of_set = list.iter().find_map(|e| self.set_with(scope, e, label));
+                of_set.or_else(|| self.sets.iter().find_map(|(set, data)| Some((set, data.position(label)?))))
+            }
             _ => None,
         }
     }

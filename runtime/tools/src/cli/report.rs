@@ -108,6 +108,7 @@ impl From<DataError> for Failed {
             DataError::NotANumber { path, line, text, .. } => Some((path, *line, text.as_str())),
             DataError::MissingColumns { path, .. } => Some((path, 1, "")),
             DataError::UnknownColumn { path, error } => Some((path, 1, error.name.as_str())),
+            DataError::Measured { path, name } => Some((path, 1, name.as_str())),
             DataError::Read { .. } | DataError::Empty { .. } | DataError::NoSteps { .. } | DataError::NoDisturbances { .. } => None,
         };
         let shown = place.and_then(|(path, line, word)| data_diagnostic(path, line, word, &error));

@@ -2,8 +2,8 @@
 
 use smpl_dsl::latex;
 use smpl_dsl::syntax::{
-    Binder, BinderSet, Clip, Declaration, Domain, Expr, Ident, Measured, Role, SetMembers, Statement, StatementKind, Table, TableCells,
-    TablePoints, TableRow, TimeTable, TimeTableKind,
+    Binder, BinderSet, Clip, Declaration, Domain, Expr, ExprKind, Ident, Measured, Role, SetMembers, Statement, StatementKind, Table,
+    TableCells, TablePoints, TableRow, TimeTable, TimeTableKind,
 };
 
 use super::equations;
@@ -12,9 +12,9 @@ use super::statements::{Writer, declared};
 
 const PARAMETERS: &[&str] = &["parameter", "symbol", "unit", "value", "drawn at reset", "range", "meaning"];
 const ACTIONS: &[&str] = &["action", "symbol", "unit", "nominal", "range", "scale", "meaning"];
-const STATES: &[&str] = &["state", "symbol", "unit", "start", "range", "scale", "meaning"];
+const STATES: &[&str] = &["state", "symbol", "unit", "start", "drawn at reset", "range", "scale", "meaning"];
 const VARIABLES: &[&str] = &["algebraic variable", "symbol", "unit", "range", "scale", "meaning"];
-const DISCRETES: &[&str] = &["discrete variable", "symbol", "unit", "start", "range", "meaning"];
+const DISCRETES: &[&str] = &["discrete variable", "symbol", "unit", "start", "drawn at reset", "range", "meaning"];
 const DISTURBANCES: &[&str] = &["disturbance", "symbol", "unit", "start", "next value", "range", "meaning"];
 const RANDOMS: &[&str] = &["random number", "symbol", "drawn at reset", "meaning"];
 const MEMBERS: &[&str] = &["member", "symbol", "unit", "range", "meaning"];
@@ -114,6 +114,7 @@ impl<'s> Writer<'s> {
                         names.iter().map(member).collect::<Vec<_>>().join(", ")
                     }
                     SetMembers::Range(low, high) => self.range(low, high),
+                    SetMembers::Of(e @ Expr { kind: ExprKind::Binary(..), .. }) => math(&latex::set(e)),
                     SetMembers::Of(e) => self.inline(e),
                 };
                 self.row(SETS, vec![code(&name.text), members, prose(text.as_deref().unwrap_or(""))]);
@@ -137,12 +138,11 @@ impl<'s> Writer<'s> {
                 self.block(&format!("Ports {}: {}.", names.join(", "), code(&connector.text)));
             }
             StatementKind::Instance { component, name, indices, arguments } => self.instance(component, name, indices, arguments),
-            StatementKind::Connect { chain, binders, condition } => {
+            StatementKind::Connect { chain, binders } => {
                 let ends: Vec<String> = chain.iter().map(|end| code(self.source.texts.text(end.span))).collect();
                 let over = latex::binders(binders);
                 let over = if over.is_empty() { over } else { format!(", {}", math(&over)) };
-                let only = condition.as_ref().map(|c| format!(" if {}", self.inline(c))).unwrap_or_default();
-                self.row(CONNECTIONS, vec![format!("{}{over}{only}", ends.join(" → "))]);
+                self.row(CONNECTIONS, vec![format!("{}{over}", ends.join(" → "))]);
             }
             StatementKind::Choice { name, options, text } => {
                 let options: Vec<String> = options.iter().map(|o| code(&o.text)).collect();
