@@ -240,8 +240,8 @@ def test_units_are_declared_where_they_change_nothing(tmp_path, convert):
         ),
         (
             'level="3"',
-            'xmlns:comp="http://www.sbml.org/x/comp/version1" comp:required="true" level="3"',
-            "package `comp` is required",
+            'xmlns:distrib="http://www.sbml.org/x/distrib/version1" distrib:required="true" level="3"',
+            "package `distrib` is required",
         ),
         ('variable="n"', 'variable="k"', "`k` is constant, and an event changes it"),
         ("</kineticLaw>", "</kineticLaw><kineticLaw/>", "a second `kineticLaw` in the reaction `elimination`"),

@@ -9,6 +9,7 @@
 //! numbers. The text is written with and without units, and both are compiled. If the first does
 //! not compile or computes anything else, the second is used, with the reason.
 
+mod comp;
 mod convert;
 mod document;
 mod events;
@@ -81,8 +82,21 @@ pub(crate) fn sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
 fn convert_sbml(xml: &str, file: &str) -> Result<Imported, ImportError> {
     let document =
         roxmltree::Document::parse(xml).map_err(|error| ImportError::Xml { line: error.pos().row, message: error.to_string() })?;
-    let refused = |fault: xml::Fault| ImportError::Refused { line: document.text_pos_at(fault.at).row, message: fault.message };
-    let mut sbml = document::read(&document).map_err(refused)?;
+    let line = |at: usize| document.text_pos_at(at.min(xml.len())).row;
+    let in_file = |fault: xml::Fault| ImportError::Refused { line: line(fault.at), message: fault.message };
+    let flat = comp::flatten(&document).map_err(in_file)?;
+    let refused = |fault: xml::Fault| {
+        let at = flat.as_ref().map_or(fault.at, |flat| flat.origin(fault.at));
+        ImportError::Refused { line: line(at), message: fault.message }
+    };
+    let mut sbml = match &flat {
+        None => document::read(&document),
+        Some(flat) => match roxmltree::Document::parse(&flat.xml) {
+            Ok(document) => document::read(&document),
+            Err(error) => Err(xml::Fault { at: 0, message: format!("submodels without a flat form: {error}") }),
+        },
+    }
+    .map_err(refused)?;
     prepare::prepare(&mut sbml).map_err(refused)?;
     let write = |bare: Option<&str>| convert::write(&sbml, &convert::Head { file, bare }).map_err(refused);
     let plain_text = write(Some(""))?;

@@ -6,7 +6,7 @@ use roxmltree::Node;
 use super::xml::{Fault, children, fault, tag};
 
 /// The namespace of MathML.
-const MATHML: &str = "http://www.w3.org/1998/Math/MathML";
+pub(super) const MATHML: &str = "http://www.w3.org/1998/Math/MathML";
 
 /// Attributes that every element may have.
 const COMMON: [&str; 4] = ["id", "metaid", "name", "sboTerm"];
