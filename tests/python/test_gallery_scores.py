@@ -1,12 +1,16 @@
 """`python -m smpl.benchmark gallery`: controllers of the gallery on the same episodes."""
 
 import json
+from pathlib import Path
 
 import gymnasium
 import pytest
 
 import smpl  # noqa: F401  (registers environments)
 from smpl_benchmarks import gallery
+from smpl_benchmarks.pages import fill
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def _by_hand(controller, seed, steps):
@@ -60,3 +64,11 @@ def test_plants_with_records_are_not_run_again_and_the_page_gets_the_table(tmp_p
 def test_a_plant_that_does_not_exist_is_refused_by_name(capsys):
     assert gallery.main(["--env", "Kettle"]) == 1
     assert "Kettle" in capsys.readouterr().err
+
+
+def test_the_page_shows_the_records(tmp_path):
+    page = ROOT / "docs/gallery.md"
+    copy = tmp_path / "gallery.md"
+    copy.write_text(page.read_text())
+    fill(copy, {"scores": gallery.table(json.loads((ROOT / "docs/results/gallery.json").read_text()))})
+    assert copy.read_text() == page.read_text()

@@ -91,6 +91,8 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
         for controller in CONTROLLERS[1:]
     }
     budget = ", ".join(f"{name} {value}" for name, value in BUDGET.items())
+    missing = [f"`{name}`" for name in GALLERY if name not in results]
+    left = f"Plants without a record: {', '.join(missing)} (`--env NAME` runs one).\n" if missing else ""
     head = ["environment", "nominal", "baseline", "its gain", "sampling", "its gain", "failures"]
     return (
         f"Mean return over {first['episodes']} episodes of at most {first['steps']} steps, "
@@ -99,7 +101,7 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
         "`**` marks intervals above zero.\n"
         "`failures` counts failed episodes (nominal/baseline/sampling).\n"
         f"The baseline improves on nominal actions for {better['baseline']} of {len(results)} plants, "
-        f"sampling for {better['sampling']}.\n\n"
+        f"sampling for {better['sampling']}.\n{left}\n"
     ) + grid(head, rows(results), left=1)
 
 
@@ -130,7 +132,7 @@ def main(arguments: Sequence[str]) -> int:
                 results[name] = score(name, given.episodes, given.steps)
                 _keep(path, {name: results[name] for name in GALLERY if name in results})
                 print(f"{name}: " + "  ".join(rows({name: results[name]})[0][1:]), file=sys.stderr)
-        shown = {name: results[name] for name in GALLERY if name in results}
+        shown = {name: results[name] for name in GALLERY if _same(results.get(name), given.episodes, given.steps)}
         if given.page is not None:
             fill(Path(given.page), {"scores": table(shown)})
         print(table(shown))
