@@ -181,11 +181,15 @@ class VectorEnv(Interface, gymnasium.vector.VectorEnv[Any, Any, Any]):
     # Access as of the vectorisers of Gymnasium.
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """The attribute for each sub-environment (`state`, `discrete`, or what all share)."""
+        """The attribute for each sub-environment, or what all share.
+
+        Values of `state`, `discrete`, `disturbance` and `parameter` are arrays. Disturbances are
+        those of the last step.
+        """
         if name == "state":
             return tuple(self.state)
-        if name == "discrete":
-            return tuple(self._native.values("discrete"))
+        if name in ("discrete", "disturbance", "parameter"):
+            return tuple(self._native.values(name))
         value = getattr(self, name)
         return (value,) * self.num_envs
 

@@ -23,14 +23,16 @@ NMPC = {
 }  # fmt: skip
 
 
-def trainer_of(tuned=TUNED, nmpc=None, steps=12, **hyper):
-    task = Task.of("reactor", extra=NEAR, reward="near", max_steps=steps)
+def trainer_of(tuned=TUNED, nmpc=None, steps=12, variants=(), **hyper):
+    task = Task.of("reactor", extra=NEAR, reward="near", max_steps=steps, variants=variants)
     settings = {"nmpc": {**NMPC, **(nmpc or {})}, "tuned": tuned, **hyper}
     return PredictiveTrainer(task, Formulation(reward_scale=0.5), settings)
 
 
-def test_the_gradient_of_a_return_equals_central_differences():
-    trainer = trainer_of((*TUNED, "target:T", "U"), {"set_point": {"T": 51.0}, "p": {"U": 50.0}})
+@pytest.mark.parametrize("variants", [(), ("feed_disturbances",)])
+def test_the_gradient_of_a_return_equals_central_differences(variants):
+    nmpc = {"set_point": {"T": 51.0}, "p": {"U": 50.0}}
+    trainer = trainer_of((*TUNED, "target:T", "U"), nmpc, variants=variants)
     found = trainer.gradient(3)
     assert found.steps == 12 and found.value < 0
     for i in range(len(found.by)):

@@ -133,6 +133,36 @@ def test_gradients_across_events_and_discrete_variables_equal_central_difference
     np.testing.assert_allclose(mine, differences, rtol=2e-3, atol=5e-4 * np.abs(differences).max())
 
 
+WANDERING = """model Wandering "a lag with a feed that wanders, a clock and a set-point that jumps"
+time t : s
+param k = 1 in 0.5..2
+param twice = 2*k
+action u = 0.4 in -1..2
+state x = 1 in -5..5
+disturbance feed = 0 ~ 0.8*feed + 0.3*normal(0, 1)
+disturbance goal = 1 ~ if n < 4 then 1 else 0.2
+eq d/dt x = (-twice*x + u + feed + 0.1*sin(t/(1 [s])))*1[1/s]
+initial x ~ uniform(0, 1)
+observe x, feed in -3..3, goal in -3..3
+reward near default = -sq(x - goal) - 0.1*sq(u)
+episode { step = 0.5 [s], max_steps = 30 }
+"""
+
+
+def test_gradients_with_disturbances_and_drawn_parameters_equal_central_differences(tmp_path):
+    task = model_of(WANDERING, tmp_path)
+    curriculum = {"k": [[0.0, 0.6, 1.6]]}
+    trainer = ShortHorizonTrainer(task, Formulation(), {"horizon": 7, "hidden": 8}, 4, curriculum)
+    mine, differences = compare(randomised(trainer, 2), 7)
+    assert np.ptp(trainer.batch.get_attr("parameter"), axis=0)[0] > 0.1
+    np.testing.assert_allclose(mine, differences, rtol=2e-3, atol=5e-4 * np.abs(differences).max())
+    # A window of one step, and windows with the ends of episodes.
+    for horizon in (1, 11):
+        one = ShortHorizonTrainer(task, Formulation(), {"horizon": horizon, "hidden": 8}, 3, curriculum)
+        one.begin(0)
+        one.train(3 * 33, 0, 0.0)
+
+
 def regulated(task, policy, starts):
     """Costs of episodes from starts, one per start, with actions in -1..1 of the observations."""
     env = task.env()

@@ -129,12 +129,12 @@ def _by_derivatives(
 
     hyper = dict(settings["hyperparameters"])
     own = {name: hyper.pop(name) for name in ("extra", "reward") if name in hyper}
-    if settings["curriculum"]:
-        raise NotImplementedError(f"{algorithm} does not train with parameters that are drawn in each episode")
-    learned = Task.of(task.name, **{**arguments, **own})
+    learned, curriculum = Task.of(task.name, **{**arguments, **own}), settings["curriculum"]
     if algorithm == "DiffNMPC":
+        if curriculum:
+            raise NotImplementedError("DiffNMPC does not train with parameters that are drawn in each episode")
         return PredictiveTrainer(learned, formulation, hyper)
-    return ShortHorizonTrainer(learned, formulation, hyper, settings["num_envs"])
+    return ShortHorizonTrainer(learned, formulation, hyper, settings["num_envs"], curriculum)
 
 
 def _arguments(task: Task) -> dict[str, Any]:

@@ -166,8 +166,7 @@ class PredictiveTrainer:
         converged counts as constant.
 
         Raises:
-            NotImplementedError: the episode is not a function of states, discrete variables and
-                actions.
+            NotImplementedError: the episode is not a function of states, given values and actions.
             SimulationError: a step has no derivative.
         """
         env, controller, values = self.env, self.controller, self.values
@@ -178,8 +177,7 @@ class PredictiveTrainer:
         by_state, by_previous = np.zeros((len(env.state), len(sizes))), np.zeros((len(env.action_names), len(sizes)))
         total, by, ended = 0.0, np.zeros(len(sizes)), False
         while not ended:
-            state, step = env.state, env.steps
-            discrete = dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))
+            state, step, given = env.state, env.steps, _given(env)
             action = controller.action(env)
             moved = self._moved(by_state, by_previous, sizes)
             _, reward, terminated, truncated, info = env.step(action)
@@ -188,7 +186,8 @@ class PredictiveTrainer:
             ended = terminated or truncated
             if failed:
                 break
-            found = linearize_step(env.model, state, action, discrete, first_step=step)
+            given |= dict(zip(env.disturbance_names, env.native.values("disturbance").tolist(), strict=True))
+            found = linearize_step(env.model, state, action, given, first_step=step)
             gain = self._slope(found, env, reward, ended)
             by += gain[0] @ by_state + gain[1] @ moved
             by_state, by_previous = found.dx_dx @ by_state + found.dx_du @ moved, moved
@@ -221,13 +220,20 @@ class PredictiveTrainer:
             if abs(mine - other) > _SAME * max(abs(other), 1e-6):
                 raise NotImplementedError(
                     f"{env.model.name}: {name} of an episode is {other:.6g}, but {mine:.6g} from its states, discrete "
-                    "variables and actions: keep initial or earlier values in discrete variables, and remove random "
-                    "disturbances"
+                    "variables, disturbances and actions: keep initial or earlier values in discrete variables"
                 )
         formulation = self._formulation
         scaled, (low, high) = reward * formulation.reward_scale, formulation.reward_range or (-math.inf, math.inf)
         slope = formulation.reward_scale if low < scaled < high else 0.0
         return slope * found.dr_dx[at], slope * found.dr_du[at]
+
+
+def _given(env: Env) -> dict[str, float]:
+    """Discrete variables, and parameters that are not the declared ones."""
+    declared = env.model.native.defaults("parameter").tolist()
+    pairs = zip(env.model.parameter_names, declared, env.native.values("parameter").tolist(), strict=True)
+    given = {name: value for name, before, value in pairs if value != before}
+    return given | dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))
 
 
 def _limited(by: FloatArray, most: float) -> FloatArray:

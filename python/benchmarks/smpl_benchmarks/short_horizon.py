@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from smpl.learning.environments import FormulatedVectorEnv
+from smpl.learning.environments import Curriculum, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.plan import Task
 from smpl.learning.policy_files import of_torchscript
@@ -81,13 +81,21 @@ class ShortHorizonTrainer:
         formulation: as the learner sees it.
         hyperparameters: see `Hyperparameters`.
         num_envs: environments of the native batch.
+        curriculum: parameters that move with training.
 
     Raises:
         ImportError: PyTorch is missing.
         ValueError: an unknown hyperparameter, or a formulation with a history.
     """
 
-    def __init__(self, task: Task, formulation: Formulation, hyperparameters: Mapping[str, Any], num_envs: int) -> None:
+    def __init__(
+        self,
+        task: Task,
+        formulation: Formulation,
+        hyperparameters: Mapping[str, Any],
+        num_envs: int,
+        curriculum: Mapping[str, Any] | None = None,
+    ) -> None:
         self._torch = load("torch", NAME)
         self.hyper = Hyperparameters.of(hyperparameters)
         if formulation.history != 1:
@@ -95,6 +103,7 @@ class ShortHorizonTrainer:
         self._formulation = formulation
         self.batch = FormulatedVectorEnv(
             task.model, self.hyper.num_envs or num_envs, formulation=formulation,
+            curriculum=Curriculum(curriculum) if curriculum else None,
             autoreset_mode=AutoresetMode.SAME_STEP, **task.arguments,
         )  # fmt: skip
         self._nets: dict[str, Any] = {}
@@ -168,6 +177,7 @@ class ShortHorizonTrainer:
         for name, rate in (("actor", hyper.actor_rate), ("critic", hyper.critic_rate)):
             for group in self._optimisers[name].param_groups:
                 group["lr"] = rate * (1 - 0.9 * progress)
+        self.batch.progress = progress
         seen, _ = self.batch.reset(seed=seed)
         size = hyper.horizon, self.batch.num_envs, len(self.batch.form.learned)
         for _ in range(max(1, round(steps / (hyper.horizon * self.batch.num_envs)))):
@@ -195,7 +205,9 @@ class ShortHorizonTrainer:
     def objective(self, window: Window, noise: Tensor) -> Tensor:
         """Discounted rewards of a window and the value of its end, a mean over environments."""
         parts = pieces(window, self.batch)
-        total = sum(self._piece(one, noise[one.first :, one.places]).sum() for one in parts)
+        total = self._torch.zeros((), dtype=self._torch.float64)
+        for one in parts:
+            total = total + self._piece(one, noise[one.first :, one.places]).sum()
         return total / self.batch.num_envs
 
     def _piece(self, piece: Piece, noise: Tensor) -> Tensor:
@@ -231,8 +243,11 @@ class ShortHorizonTrainer:
     def _ascend(self, window: Window, noise: Tensor) -> None:
         optimiser = self._optimisers["actor"]
         optimiser.zero_grad()
-        (-self.objective(window, noise) / self.hyper.horizon).backward()
-        self._step("actor")
+        value = self.objective(window, noise)
+        # A window may consist of ends of episodes alone.
+        if value.requires_grad:
+            (-value / self.hyper.horizon).backward()
+            self._step("actor")
 
     def _step(self, name: str) -> None:
         norm = self._torch.nn.utils.clip_grad_norm_(self._trained(name), self.hyper.max_grad_norm)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 RESIDUAL = "residual"
-# Learners by derivatives and the processes that they can train: episodes of PenSim are not a
-# function of states and discrete variables, and predictive control needs weights to begin with.
-DERIVED = {"SHAC": ("Reactor", "Beer", "Atropine", "MAb", "MAbPlant"), "DiffNMPC": ("Reactor",)}
+# Learners by derivatives and the processes that they train; predictive control needs weights to
+# begin with.
+DERIVED = {"SHAC": ("Reactor", "Beer", "PenSim", "Atropine", "MAb", "MAbPlant"), "DiffNMPC": ("Reactor",)}
 
 
 @dataclass(frozen=True)

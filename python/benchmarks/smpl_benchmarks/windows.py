@@ -36,7 +36,8 @@ class Window:
     Attributes:
         seen: observations of the learner before each step.
         rows: inputs of the centre before each step.
-        discrete: discrete variables before each step.
+        parameters, discrete: parameters of the episode and discrete variables before each step.
+        disturbances: those of each step; of the next episode where one ends.
         actions: of the learner.
         physical: actions of the process.
         rewards: of the learner.
@@ -46,7 +47,9 @@ class Window:
 
     seen: FloatArray
     rows: Sequence[Rows]
+    parameters: FloatArray
     discrete: FloatArray
+    disturbances: FloatArray
     actions: FloatArray
     physical: FloatArray
     rewards: FloatArray
@@ -58,6 +61,11 @@ class Window:
     def done(self) -> npt.NDArray[np.bool_]:
         """True where an episode ends."""
         return self.terminated | self.truncated
+
+    @property
+    def cut(self) -> npt.NDArray[np.bool_]:
+        """True for steps that are not derived: an end that jumps, or has unknown disturbances."""
+        return self.done if self.disturbances.shape[-1] else self.terminated
 
 
 def collect(batch: FormulatedVectorEnv, seen: Array, act: Callable[[Array, int], Array], steps: int) -> Window:
@@ -72,20 +80,23 @@ def collect(batch: FormulatedVectorEnv, seen: Array, act: Callable[[Array, int],
     columns: list[tuple[Any, ...]] = []
     for step in range(steps):
         rows = replace(batch.rows, steps=batch.rows.steps.copy(), memory=[dict(one) for one in batch.rows.memory])
-        discrete = np.array(batch.get_attr("discrete"), dtype=np.float64).reshape(batch.num_envs, -1)
+        before = _values(batch, "parameter"), _values(batch, "discrete")
         actions = act(seen, step)
         physical = batch.form.physical(batch.rows, actions)
         after, rewards, terminated, truncated, infos = batch.step(actions)
         following = np.array(after, dtype=np.float64)
         for i in np.flatnonzero(terminated | truncated):
             following[i] = infos["final_obs"][i]
-        columns.append(
-            (seen.astype(np.float64), rows, discrete, actions, physical, rewards, terminated, truncated, following)
-        )
+        values = *before, _values(batch, "disturbance"), actions, physical, rewards
+        columns.append((seen.astype(np.float64), rows, *values, terminated, truncated, following))
         seen = after
     parts = list(zip(*columns, strict=True))
     arrays = [np.stack(part) if at != 1 else part for at, part in enumerate(parts)]
     return Window(*arrays)  # type: ignore[arg-type]
+
+
+def _values(batch: FormulatedVectorEnv, role: str) -> FloatArray:
+    return np.array(batch.get_attr(role), dtype=np.float64).reshape(batch.num_envs, -1)
 
 
 @dataclass(frozen=True)
@@ -122,7 +133,7 @@ def pieces(window: Window, batch: FormulatedVectorEnv, threads: int | None = Non
     left out, and the piece ends with the value of the state before it.
 
     Raises:
-        NotImplementedError: an episode is not a function of states, discrete variables and actions.
+        NotImplementedError: an episode is not a function of states, given values and actions.
         SimulationError: a step has no derivative.
     """
     return [
@@ -138,7 +149,7 @@ def _parts(window: Window) -> Iterator[tuple[int, int, npt.NDArray[np.intp]]]:
         ends = [*np.flatnonzero(window.done[:, i]).tolist(), steps - 1]
         first = 0
         for last in dict.fromkeys(ends):
-            length = last - first + (not window.terminated[last, i])
+            length = last - first + (not window.cut[last, i])
             if length:
                 found.setdefault((first, length, int(window.rows[first].steps[i])), []).append(i)
             first = last + 1
@@ -161,7 +172,7 @@ def _derived(
         model,
         window.rows[first].states[places],
         physical,
-        dict(zip(model.discrete_names, window.discrete[first, places].T, strict=True)),
+        _given(window, batch, span, places),
         by=("action",),
         actions_by=[batch.action_names[i] for i in chosen],
         threads=threads,
@@ -192,6 +203,21 @@ def _derived(
         moved,
         centred,
     )
+
+
+def _given(
+    window: Window, batch: FormulatedVectorEnv, span: slice, places: npt.NDArray[np.intp]
+) -> dict[str, FloatArray]:
+    """Discrete variables, disturbances, and parameters that are not the declared ones."""
+    model, first = batch.model, span.start
+    given = dict(zip(model.discrete_names, window.discrete[first, places].T, strict=True))
+    parameters = window.parameters[first, places]
+    changed = (parameters != model.native.defaults("parameter")).any(axis=0)
+    given |= {name: parameters[:, i] for i, name in enumerate(model.parameter_names) if changed[i]}
+    each = window.disturbances[span, places].T
+    # Values of a single step have no axis of steps.
+    each = each[..., 0] if each.shape[-1] == 1 else each
+    return given | dict(zip(model.disturbance_names, each, strict=True))
 
 
 def _moving(batch: FormulatedVectorEnv, physical: FloatArray) -> list[int]:
@@ -234,8 +260,8 @@ def _check_same(
             worst = int(np.argmax(np.abs(here - there) * valid))
             raise NotImplementedError(
                 f"{batch.model.name}: {name} of an episode is {there[worst]:.6g}, but {here[worst]:.6g} from its "
-                "states, discrete variables and actions: keep initial or earlier values in discrete variables, and "
-                "remove random disturbances"
+                "states, discrete variables, disturbances and actions: keep initial or earlier values in discrete "
+                "variables"
             )
 
 
