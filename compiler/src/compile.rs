@@ -125,6 +125,15 @@ fn describe_reduction(interface: &mut Interface, sources: &SourceMap) {
     for one in &mut interface.reduction.differentiated {
         (one.place, one.text) = (place(one.span), text(one.span));
     }
+    for unsteady in &interface.reduction.unsteady {
+        if let Some(failure) = interface.finish.failures.get_mut(unsteady.failure as usize) {
+            failure.text = format!(
+                "what has to be differentiated at {} jumps, since `{}` passed a threshold; use values of the parameters for which it does not",
+                place(unsteady.span),
+                unsteady.of
+            );
+        }
+    }
     for guard in &interface.reduction.guards {
         let mut places: Vec<String> = guard.spans.iter().map(|span| place(*span)).collect();
         places.dedup();
@@ -149,7 +158,7 @@ fn named_after(file: &str) -> String {
 /// Assigns equations to unknowns: completes the model, equations to rows. With `verify` the
 /// invariants are checked after each pass.
 fn determine(elaborated: Elaborated, verify: bool) -> Result<(Model, Faults), Faults> {
-    let Elaborated { mut model, mut equations, runs, warnings } = elaborated;
+    let Elaborated { mut model, mut equations, runs, rated, warnings } = elaborated;
     let check = |pass: &str, model: &Model, equations: &[Equation]| {
         if verify {
             sound(pass, verify_equations(model, equations));
@@ -170,7 +179,8 @@ fn determine(elaborated: Elaborated, verify: bool) -> Result<(Model, Faults), Fa
     if runs {
         pass!(structure::write_out_ranges(&mut model, &mut equations));
     }
-    pass!(structure::expand_rates(&mut model, &mut equations));
+    pass!(structure::watch_rates(&mut model, &rated)?);
+    pass!(structure::expand_rates(&mut model, &mut equations)?);
     pass!(structure::solve_for_derivatives(&mut model.exprs, &model.vars, &mut equations));
     pass!(structure::combine_rates(&mut model, &mut equations));
     let rates = structure::cover_states(&model, &equations)?;

@@ -50,8 +50,10 @@ mod transport;
 use std::collections::HashMap;
 
 use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
+use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{self, Statement};
 
+use crate::ir::ExprId;
 use crate::model::{Alternatives, Interface, Model, Time};
 use crate::read::Data;
 use declare::declaring::{About, Declaring};
@@ -81,6 +83,8 @@ pub struct Elaborated {
     pub equations: Vec<Equation>,
     /// True if a range of numbers stayed a loop.
     pub runs: bool,
+    /// Expressions whose rates equations read, with their places.
+    pub rated: Vec<(ExprId, Span)>,
     /// Warnings.
     pub warnings: Faults,
 }
@@ -162,6 +166,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     }
     let spent = work.ledger.budget.work();
     let runs = work.ledger.speculation.looped;
+    let rated = std::mem::take(&mut work.ledger.rated);
     let warnings = match work.ledger.closed() {
         Ok(warnings) => warnings,
         Err(faults) => return (Err(faults), spent),
@@ -178,7 +183,7 @@ fn lowered(input: &Input<'_>, declaring: Declaring<'_, '_>, shown: Alternatives)
     model.delays = work.hidden.delays.list.into_iter().map(|delayed| delayed.about).collect();
     model.exprs = work.exprs;
     model.vars = symbols.vars;
-    (Ok(Elaborated { model, equations, runs, warnings }), spent)
+    (Ok(Elaborated { model, equations, runs, rated, warnings }), spent)
 }
 
 /// Paths of the states that are declared with `prefer`.

@@ -19,8 +19,8 @@ mod test;
 
 pub use interface::{
     AlgebraicCounts, Alternatives, BoxItem, Choice, Demoted, Differentiated, Draw, Failure, Finish, FinishLayout, Guard, Instant,
-    Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Variant,
-    Variate,
+    Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Unsteady,
+    Variant, Variate,
 };
 pub use quantity::{Axis, Grid, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};

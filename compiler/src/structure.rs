@@ -41,6 +41,7 @@ pub(crate) use matching::rows as match_rows;
 pub(crate) use pade::approximate as approximate_delays;
 pub(crate) use ports::identify as identify_ports;
 pub(crate) use rates::{cover_states, is_explicit, solve_for_derivatives, substitute_derivatives};
+pub(crate) use reduce::watch_rates;
 pub(crate) use repeats::settle as settle_repeats;
 pub(crate) use runs::write_out as write_out_ranges;
 pub(crate) use singular::refuse_singular_loops;

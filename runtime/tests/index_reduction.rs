@@ -624,3 +624,88 @@ fn random_constrained_systems_follow_their_reduced_forms() {
         }
     }
 }
+
+/// V*h is 1 + t: at 2 s V would have to jump from 3 to 1.5.
+#[test]
+fn a_rate_of_an_expression_that_jumps_is_refused_with_its_place() {
+    let cases = [
+        ("table h over t : s step { 0: 1, 2: 2 }\nstate V = 1\neq d/dt (V*h(t)) = 1 [1/s]", "where `t` is 2 s"),
+        ("state V = 1\nvar q\neq q = if t > 2 [s] then 2 else 1\neq d/dt (V*q) = 1 [1/s]", "where `t` is 2 s"),
+        ("state V = 1\neq d/dt (V*(1 + floor(t/2 [s]))) = 1 [1/s]", "where `t` is 2 s"),
+        ("state V = 1\neq d/dt (V*(1 + mod(t, 2 [s])/1 [s])) = 1 [1/s]", "where `t` is 2 s"),
+        ("action u = 1 in 0..10\nstate V = 1\nvar q\neq q = u*2\neq d/dt (V*q) = 1 [1/s]", "`u` in it is an action"),
+        ("state V = 1\nstate x = 1\neq d/dt x = -x/1 [s]\neq d/dt (V*(1 + previous(x))) = 1 [1/s]", "value of the step before"),
+        ("param c = 0 ~ uniform(0, 1)\nstate V = 1\neq d/dt (V*(if t > 1.5 [s] then 1 + c else 1)) = 1 [1/s]", "where `t` is 1.5 s"),
+    ];
+    for (text, part) in cases {
+        let refused = refusal(text);
+        assert!(refused.contains(part), "{text}: {refused}");
+    }
+}
+
+/// V*h is 1 + t with h = min(1 + t, 3), so that V is 1 until 2 s and 4/3 at 3 s.
+#[test]
+fn a_rate_of_an_expression_with_a_kink_follows_its_balance() {
+    let text = "table h over t : s linear { 0: 1, 2: 3, 4: 3 }\nstate V = 1\neq d/dt (V*h(t)) = 1 [1/s]";
+    for method in [Method::Ida, Method::Auto] {
+        for steps in [1, 7] {
+            let end = run(text, method, (3.0, steps))["V"];
+            assert!((end - 4.0 / 3.0).abs() < 1e-6, "{method}, {steps} steps: {end}");
+        }
+    }
+}
+
+/// a = 1 + t/15 and b = 2 - t/15, so that a passes 1.05 at 0.75 s, where the sum jumps by c.
+#[test]
+fn a_jump_that_depends_on_a_parameter_ends_the_episode_where_it_happens() {
+    let text = |c: f64| {
+        format!(
+            "param c = {c} ~ uniform(-0.5, 0.5)\nstate a = 1\nstate b = 2\nvar w : 1/s\neq d/dt a = 0.1 [1/s] + w\neq d/dt b = 2*w\n\
+             eq a + b = if a > 1.05 then 3 + c else 3"
+        )
+    };
+    for method in METHODS {
+        for steps in [1, 7] {
+            let end = |c: f64| {
+                let mut environment = environment(&text(0.0), method, (3.0, steps));
+                let options = ResetOptions { parameters: [("c".to_owned(), c)].into(), ..ResetOptions::default() };
+                environment.reset(Some(0), &options).expect("a start");
+                while environment.is_running() {
+                    environment.step(&[]).expect("a step");
+                }
+                (environment.time(), environment.failure_message(), values(&environment)["a"])
+            };
+            let (time, message, _) = end(0.25);
+            assert!((time - 0.75).abs() < 1e-6 && message.starts_with("jump_by_a: "), "{method}, {steps}: {time} {message}");
+            let (_, message, a) = end(0.0);
+            assert!(message.is_empty() && (a - 1.2).abs() < 1e-9, "{method}, {steps}: {a} {message}");
+        }
+    }
+}
+
+/// The conditions hold together from b = 1.5 on only, and b is above: the sum jumps at a = 1.05.
+#[test]
+fn a_jump_behind_two_conditions_ends_the_episode() {
+    let text = "state a = 1\nstate b = 2\nvar w : 1/s\neq d/dt a = 0.1 [1/s] + w\neq d/dt b = 2*w\n\
+                eq a + b = if a > 1.05 and b > 1.5 then 3.1 else 3";
+    for method in METHODS {
+        let mut environment = environment(text, method, (3.0, 4));
+        environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+        while environment.is_running() {
+            environment.step(&[]).expect("a step");
+        }
+        let message = environment.failure_message();
+        assert!((environment.time() - 0.75).abs() < 1e-6 && message.starts_with("jump_by_a: "), "{method}: {message}");
+    }
+}
+
+/// V*(1 + c*max(x - 1.5, 0)) = 1 + t with x = t and c = 0.5.
+#[test]
+fn an_expression_that_is_continuous_for_all_parameters_is_differentiated() {
+    let text = "param c = 0.5\nstate x = 0\nstate V = 1\neq d/dt x = 1 [1/s]\n\
+                eq d/dt (V*(if x > 1.5 then 1 + c*(x - 1.5) else 1)) = 1 [1/s]";
+    for (method, steps) in [(Method::Ida, 1), (Method::Ida, 7), (Method::Auto, 1), (Method::Auto, 60)] {
+        let end = run(text, method, (3.0, steps))["V"];
+        assert!((end - 4.0 / 1.75).abs() < 1e-6, "{method}, {steps} steps: {end}");
+    }
+}

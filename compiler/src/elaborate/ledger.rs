@@ -7,6 +7,7 @@ use crate::elaborate::budget::{Budget, Verdict};
 use crate::elaborate::expansions::Expansions;
 use crate::elaborate::reports::Reports;
 use crate::elaborate::speculation::{Speculation, Trace};
+use crate::ir::ExprId;
 
 /// Output of every part of elaboration.
 #[derive(Debug, Default)]
@@ -17,6 +18,8 @@ pub(in crate::elaborate) struct Ledger {
     pub budget: Budget,
     /// Attempts to keep ranges loops.
     pub speculation: Speculation,
+    /// Expressions whose rates equations read, with their places.
+    pub rated: Vec<(ExprId, Span)>,
 }
 
 impl Ledger {

@@ -213,14 +213,14 @@ pub(super) struct ReductionForm {
 
 impl From<&Reduction> for ReductionForm {
     fn from(r: &Reduction) -> Self {
-        let Reduction { differentiated, demoted, projected, preferred: _, guards } = r.clone();
+        let Reduction { differentiated, demoted, projected, preferred: _, guards, unsteady: _ } = r.clone();
         ReductionForm { differentiated, follow: demoted, projected, guards }
     }
 }
 
 impl From<ReductionForm> for Reduction {
     fn from(ReductionForm { differentiated, follow, projected, guards }: ReductionForm) -> Self {
-        Reduction { differentiated, demoted: follow, projected, preferred: Vec::new(), guards }
+        Reduction { differentiated, demoted: follow, projected, preferred: Vec::new(), guards, unsteady: Vec::new() }
     }
 }
 

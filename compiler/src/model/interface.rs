@@ -65,6 +65,9 @@ pub struct Reduction {
     pub preferred: Vec<String>,
     /// Constraints that could stop to determine what follows from them.
     pub guards: Vec<Guard>,
+    /// Expressions that were differentiated and may jump.
+    #[serde(default)]
+    pub unsteady: Vec<Unsteady>,
 }
 
 impl Reduction {
@@ -97,6 +100,17 @@ pub struct Guard {
     pub names: Vec<String>,
     /// The equations.
     pub spans: Vec<Span>,
+}
+
+/// An expression that was differentiated and may jump; the episode ends there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unsteady {
+    /// Number of its failure.
+    pub failure: u32,
+    /// The expression, or its equation.
+    pub span: Span,
+    /// The element that moves the switch, or time.
+    pub of: String,
 }
 
 /// A constraint that states are projected to.

@@ -23,13 +23,14 @@ mod slopes;
 mod start;
 mod system;
 
-use smpl_dsl::diagnostic::{Diagnostic, codes};
+use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
+use smpl_dsl::span::Span;
 
 use super::algebraic::Plan;
 use super::common::{element_name, programs};
 use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
-use crate::ir::{FastMap, FastSet, Flavour, Role, VarId};
+use crate::ir::{ExprId, FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
 use demote::{Outcome, Settled, settle};
 use jumps::Jump;
@@ -236,29 +237,65 @@ fn explained(model: &Model, system: &System, refused: Refused) -> Option<Diagnos
 /// The fault of an equation that reads a variable which jumps.
 fn variable_jumps(model: &Model, node: &Node, often: &str, var: VarId) -> Diagnostic {
     let name = &model.vars[var].name;
+    let help = format!(
+        "make a state of `{name}` that follows it, as in `eq d/dt {name}_s = ({name} - {name}_s)/tau`, or free a state of the equation"
+    );
+    variable_fault(model, often, var, node.span).label(BINDS).help(help)
+}
+
+fn variable_fault(model: &Model, often: &str, var: VarId, span: Span) -> Diagnostic {
+    let name = &model.vars[var].name;
     let what = match model.vars[var].role {
         Role::Action => "an action",
         Role::Disturbance => "a disturbance",
         Role::Delayed => "a delayed value",
+        Role::State | Role::Algebraic => "a value of the step before",
         _ => "a discrete variable",
     };
     let message = format!("{often} has to be differentiated, but `{name}` in it is {what}, which jumps");
-    let fault = Diagnostic::error(codes::HIGH_INDEX, message, node.span).label(BINDS);
-    let help = format!(
-        "make a state of `{name}` that follows it, as in `eq d/dt {name}_s = ({name} - {name}_s)/tau`, or free a state of the equation"
-    );
-    fault.secondary(model.vars[var].span, "declared here").help(help)
+    Diagnostic::error(codes::HIGH_INDEX, message, span).secondary(model.vars[var].span, "declared here")
 }
 
 /// The fault of an equation whose value jumps at a time, or where an unknown passes a threshold.
 fn value_jumps(model: &Model, node: &Node, often: &str, jump: Jump) -> Diagnostic {
+    let fault = jump_fault(model, often, jump, node.span).label(BINDS);
+    fault.help("make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`, use a `linear` table, or free a state of the equation")
+}
+
+fn jump_fault(model: &Model, what: &str, jump: Jump, span: Span) -> Diagnostic {
     let time = &model.interface.time;
     let name = jump.of.map_or_else(|| time.name.clone(), |(var, element)| element_name(model, var, element));
-    let at = format!("{:.6e}", jump.at).parse().unwrap_or(jump.at);
+    let at: f64 = format!("{:.6e}", jump.at).parse().unwrap_or(jump.at);
     let unit = if jump.of.is_none() && time.unit != "1" { format!(" {}", time.unit) } else { String::new() };
-    let message = format!("{often} has to be differentiated, but it jumps, for example where `{name}` is {at}{unit}");
-    let fault = Diagnostic::error(codes::HIGH_INDEX, message, node.span).label(BINDS);
-    fault.help("make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`, use a `linear` table, or free a state of the equation")
+    let place = if jump.depends {
+        format!("it jumps for some values of parameters and unknowns, where `{name}` passes a threshold")
+    } else {
+        format!("it jumps, for example where `{name}` is {at}{unit}")
+    };
+    Diagnostic::error(codes::HIGH_INDEX, format!("{what} has to be differentiated, but {place}"), span)
+}
+
+/// Watches expressions whose rates equations read.
+///
+/// # Errors
+/// Expressions that jump: an impulse belongs to their rates.
+pub(crate) fn watch_rates(model: &mut Model, rated: &[(ExprId, Span)]) -> Result<(), Faults> {
+    let mut faults = Faults::default();
+    for &(value, span) in rated {
+        let loops = slopes::all_loops(&model.exprs, value, &[]);
+        let watched = jumps::examine(model, value)
+            .and_then(|doubts| jumps::watch::watch(model, &doubts, &loops, span).map_err(jumps::Doubt::refused));
+        if let Err(jump) = watched {
+            faults.push(jump_fault(model, "this expression", jump, span).help(
+                "write the rates of the other factors out, use a `linear` table, or make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`",
+            ));
+        } else if let Some(var) = jumps::jumping(model, value) {
+            let name = &model.vars[var].name;
+            let help = format!("write the rates of the other factors out, or make a state that follows `{name}`");
+            faults.push(variable_fault(model, "this expression", var, span).help(help));
+        }
+    }
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
 /// The fault of a state that is set at an instant although it follows from a constraint.

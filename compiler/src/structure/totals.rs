@@ -1,7 +1,11 @@
 //! Rates of algebraic variables by their definitions: `der(p)` with `eq p = f(x)` is `f'(x) *
 //! der(x)`.
 
+use smpl_dsl::diagnostic::Faults;
+use smpl_dsl::span::Span;
+
 use super::common::replace_everywhere;
+use super::reduce::watch_rates;
 use super::whole::{Whole, placed, wholes};
 use crate::differentiate;
 use crate::elaborate::{Equation, EquationForm};
@@ -10,10 +14,14 @@ use crate::model::Model;
 
 /// Replaces rates of explicitly defined algebraic variables, in equations, programs and elsewhere.
 /// Other rates of algebraic variables stay: [`super::reduce`] finds them.
-pub(crate) fn expand(model: &mut Model, equations: &mut [Equation]) {
+///
+/// # Errors
+/// Definitions that jump, if an equation reads their rates.
+pub(crate) fn expand(model: &mut Model, equations: &mut [Equation]) -> Result<(), Faults> {
     if !has_algebraic_rate(model, equations) {
-        return;
+        return Ok(());
     }
+    let spans: FastMap<ExprId, Span> = equations.iter().map(|e| (e.form.value(), e.span)).collect();
     let mut definitions: FastMap<(VarId, i64), ExprId> = FastMap::default();
     for equation in equations.iter().filter(|e| e.extents.is_empty()) {
         if let EquationForm::Definition { var, at, value } = equation.form {
@@ -23,9 +31,17 @@ pub(crate) fn expand(model: &mut Model, equations: &mut [Equation]) {
     let wholes = wholes(model, equations);
     let values = wholes.values().flat_map(|whole| &whole.equations).map(|&i| (i, equations[i].form.value())).collect();
     let roles: Vec<Role> = model.vars.values().map(|v| v.role).collect();
-    let mut known = Known { roles, definitions, wholes, values, done: FastMap::default(), open: Vec::new() };
+    let (done, open, rated) = (FastMap::default(), Vec::new(), Vec::new());
+    let mut known = Known { roles, definitions, wholes, values, done, open, rated };
     let mut done = Rewritten::default();
+    for equation in equations.iter() {
+        let replace = &mut |exprs: &mut Exprs, node: Expr| known.replaced(exprs, node);
+        model.exprs.rewrite_where(equation.form.value(), &mut done, &Exprs::has_derivative, replace);
+    }
+    let rated = std::mem::take(&mut known.rated);
     replace_everywhere(model, equations, &mut done, &Exprs::has_derivative, &mut |exprs, node| known.replaced(exprs, node));
+    let rated: Vec<(ExprId, Span)> = rated.into_iter().filter_map(|value| Some((value, *spans.get(&value)?))).collect();
+    watch_rates(model, &rated)
 }
 
 /// Returns `true` if the rate of an algebraic variable occurs.
@@ -50,6 +66,8 @@ struct Known {
     values: FastMap<usize, ExprId>,
     done: FastMap<(VarId, Affine), Option<ExprId>>,
     open: Vec<(VarId, Affine)>,
+    /// Values of definitions that were differentiated.
+    rated: Vec<ExprId>,
 }
 
 impl Known {
@@ -73,9 +91,13 @@ impl Known {
             return None;
         }
         let value = match self.definitions.get(&(var, at.offset)).filter(|_| at.is_constant()) {
-            Some(&value) => Some(value),
+            Some(&value) => {
+                self.rated.push(value);
+                Some(value)
+            }
             None => self.wholes.get(&var).and_then(|whole| {
                 let (part, indices) = whole.locate(at)?;
+                self.rated.push(self.values[&whole.equations[part]]);
                 placed(exprs, self.values[&whole.equations[part]], &indices)
             }),
         };

@@ -241,6 +241,9 @@ impl<'a> Lowering<'_, 'a> {
         if let Some(fault) = self.without_rate(v.expr, span) {
             return self.fault(fault);
         }
+        if place.site == Site::Dynamics && !self.ledger.rated.contains(&(v.expr, span)) {
+            self.ledger.rated.push((v.expr, span));
+        }
         let vars = &self.symbols.vars;
         let moves = |exprs: &mut Exprs, load: Option<Loaded>| match load {
             None => Some(exprs.constant(1.0)),

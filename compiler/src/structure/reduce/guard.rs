@@ -125,7 +125,7 @@ fn determinant(exprs: &mut Exprs, matrix: &[Vec<ExprId>]) -> ExprId {
 }
 
 /// Adds a failure that only its event finds, after those that the model declares.
-fn add_failure(model: &mut Model, name: String) -> u32 {
+pub(super) fn add_failure(model: &mut Model, name: String) -> u32 {
     let count = model.interface.finish.failures.len();
     let end = 2 * count as i64;
     for store in model.programs.finish.nests.iter_mut().flat_map(|nest| &mut nest.stores) {

@@ -6,10 +6,15 @@
 //! Each switch is tested with numbers: one unknown, or time, is moved to the threshold, and the
 //! constraint is evaluated with both forms of the switch. Other unknowns have several values;
 //! parameters have their defaults. A jump is reported if both forms differ for all of these values.
+//! With other values of parameters, a difference at one point is a doubt: [`watch`] finds out in a
+//! run.
 
+use super::start::Start;
 use crate::interpret::eval_at;
 use crate::ir::{Compare, Expr, ExprId, Exprs, FastSet, Flavour, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Quantity};
+
+pub(super) mod watch;
 
 /// Relative difference between the forms of a switch that is a jump.
 const DIFFERS: f64 = 1e-6;
@@ -30,6 +35,19 @@ pub(super) struct Jump {
     pub(super) of: Option<(VarId, i64)>,
     /// The threshold, one of several.
     pub(super) at: f64,
+    /// It depends on values of parameters, which may change.
+    pub(super) depends: bool,
+}
+
+/// A switch whose forms differ for some values: a run finds out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Doubt {
+    /// The values of both forms at the threshold.
+    pub(super) sides: [ExprId; 2],
+    /// Distance from the threshold.
+    pub(super) distance: ExprId,
+    /// The element that moves the switch; `None` for time.
+    pub(super) of: Option<(VarId, i64)>,
 }
 
 /// Two forms of a switch, and its distance from the threshold.
@@ -41,18 +59,41 @@ struct Forms {
     quantity: (ExprId, ExprId),
 }
 
-/// Finds a jump of an expression over loops.
-pub(super) fn find(model: &Model, residual: ExprId) -> Option<Jump> {
-    if !model.exprs.below([residual]).any(|e| is_switch(&model.exprs, e)) {
-        return None;
+impl Doubt {
+    /// The refusal of a switch that no run can watch.
+    pub(super) fn refused(self) -> Jump {
+        Jump { of: self.of, at: f64::NAN, depends: true }
     }
-    let exprs = model.exprs.clone();
-    let mut search = JumpSearch { model, exprs };
-    // The sum of a loop jumps if its terms do.
-    let reductions: Vec<ExprId> = search.exprs.below([residual]).filter(|&e| matches!(search.exprs.node(e), Expr::Reduce { .. })).collect();
-    let bodies = reductions.iter().filter_map(|&e| if let Expr::Reduce { body, .. } = search.exprs.node(e) { Some(body) } else { None });
-    let roots: Vec<ExprId> = std::iter::once(residual).chain(bodies).collect();
-    roots.into_iter().find_map(|root| search.jump_below(root))
+}
+
+/// Finds the switches of an expression over loops at which it may jump.
+///
+/// # Errors
+/// A switch at which it jumps, or may jump at a place that no run can watch.
+pub(super) fn examine(model: &mut Model, value: ExprId) -> Result<Vec<Doubt>, Jump> {
+    if !model.exprs.below([value]).any(|e| is_switch(&model.exprs, e)) {
+        return Ok(Vec::new());
+    }
+    let nominal = vec![Start::of_parameters(model, &|_, _| 1.0)];
+    let mut search = JumpSearch { model, exprs: model.exprs.clone(), parameters: nominal };
+    let switches = search.switches(value);
+    let certain = switches.iter().find_map(|(root, forms, leaf)| search.jump_at(*root, forms, *leaf));
+    if let Some(jump) = certain {
+        return Err(jump);
+    }
+    let other = |point| Start::of_parameters(model, &move |var, at| crate::switches::somewhere(point, var, Flavour::Value, at));
+    search.parameters = (0..POINTS).map(other).collect();
+    let mut doubts = Vec::new();
+    for (root, forms, leaf) in &switches {
+        let Some(jump) = search.differs_at(*root, forms, *leaf) else { continue };
+        let doubt = search.doubt(*root, forms, *leaf);
+        doubts.push(doubt.ok_or(jump)?);
+    }
+    let exprs = search.exprs;
+    if !doubts.is_empty() {
+        model.exprs = exprs;
+    }
+    Ok(doubts)
 }
 
 fn is_switch(exprs: &Exprs, e: ExprId) -> bool {
@@ -66,11 +107,24 @@ fn is_switch(exprs: &Exprs, e: ExprId) -> bool {
 struct JumpSearch<'m> {
     model: &'m Model,
     exprs: Exprs,
+    /// Values of parameters at each point; the last ones beyond.
+    parameters: Vec<Start>,
 }
 
+/// An expression, the forms of a switch in it, and the element that moves the switch.
+type Switching = (ExprId, Forms, Option<(VarId, i64)>);
+
 impl JumpSearch<'_> {
-    /// A jump at a switch that reads no counter of a loop inside of the expression.
-    fn jump_below(&mut self, root: ExprId) -> Option<Jump> {
+    /// The switches of an expression, and of the terms of its sums, that read no counter of a loop
+    /// inside: a sum jumps if its terms do.
+    fn switches(&mut self, value: ExprId) -> Vec<Switching> {
+        let reductions: Vec<ExprId> = self.exprs.below([value]).filter(|&e| matches!(self.exprs.node(e), Expr::Reduce { .. })).collect();
+        let bodies = reductions.iter().filter_map(|&e| if let Expr::Reduce { body, .. } = self.exprs.node(e) { Some(body) } else { None });
+        let roots: Vec<ExprId> = std::iter::once(value).chain(bodies).collect();
+        roots.into_iter().flat_map(|root| self.switches_below(root)).collect()
+    }
+
+    fn switches_below(&mut self, root: ExprId) -> Vec<Switching> {
         let below: Vec<ExprId> = self.exprs.below([root]).collect();
         let mut inner = 0_u8;
         for &e in &below {
@@ -78,15 +132,17 @@ impl JumpSearch<'_> {
                 inner |= 1 << depth.0;
             }
         }
-        let switches = below.iter().copied().filter(|&e| is_switch(&self.exprs, e) && self.exprs.free(e) & inner == 0);
-        let switches: Vec<ExprId> = switches.collect();
-        switches.into_iter().find_map(|switch| {
-            let leaf = self.leaf(switch)?;
-            if !self.is_known(&below, switch) {
-                return None;
-            }
-            (0..).map_while(|k| self.forms(switch, k)).collect::<Vec<_>>().into_iter().find_map(|forms| self.jump_at(root, &forms, leaf))
-        })
+        let smooth: Vec<ExprId> =
+            below.iter().copied().filter(|&e| matches!(self.exprs.node(e), Expr::Unary(UnaryFn::Smooth, _))).collect();
+        let hidden: FastSet<ExprId> = self.exprs.below(smooth).collect();
+        let switches: Vec<ExprId> =
+            below.into_iter().filter(|e| is_switch(&self.exprs, *e) && self.exprs.free(*e) & inner == 0 && !hidden.contains(e)).collect();
+        let mut out = Vec::new();
+        for switch in switches {
+            let Some(leaf) = self.leaf(switch) else { continue };
+            out.extend((0..).map_while(|k| self.forms(switch, k)).map(|forms| (root, forms, leaf)));
+        }
+        out
     }
 
     /// The quantity that moves a switch: time, or an element of an unknown.
@@ -97,19 +153,6 @@ impl JumpSearch<'_> {
         let is_unknown = |var, flavour| flavour == Flavour::Value && matches!(self.model.vars[var].role, Role::State | Role::Algebraic);
         let (var, _, at) = self.exprs.loads(switch, is_unknown).first().copied()?;
         Some(Some((var, at.at(&[0; MAX_DEPTH]))))
-    }
-
-    /// Returns `true` if the values of the parameters are known that a comparison and its branches
-    /// read.
-    fn is_known(&self, below: &[ExprId], switch: ExprId) -> bool {
-        let chooses = |e: &&ExprId| match self.exprs.node(**e) {
-            Expr::Select(condition, ..) => self.exprs.below([condition]).any(|e| e == switch),
-            _ => false,
-        };
-        let read: FastSet<ExprId> = below.iter().filter(chooses).copied().chain([switch]).collect();
-        let is_parameter = |var: VarId, flavour| flavour == Flavour::Value && self.model.vars[var].role == Role::Param;
-        let mut loads = read.into_iter().flat_map(|e| self.exprs.loads(e, is_parameter));
-        loads.all(|(var, _, at)| self.default_of(var, at.at(&[0; MAX_DEPTH])).is_some())
     }
 
     /// The forms of a switch at its k-th threshold.
@@ -138,24 +181,52 @@ impl JumpSearch<'_> {
         }
     }
 
-    /// The jump of an expression at a threshold, if its values differ at all points.
-    fn jump_at(&mut self, root: ExprId, forms: &Forms, leaf: Option<(VarId, i64)>) -> Option<Jump> {
+    /// The values of an expression with both forms of a switch, at the threshold.
+    fn sides(&mut self, root: ExprId, forms: &Forms) -> [ExprId; 2] {
         let (quantity, limit) = forms.quantity;
-        let sides = forms.forms.map(|form| {
+        forms.forms.map(|form| {
             let mut done = Rewritten::from_iter([(forms.switch, form), (quantity, limit)]);
             self.exprs.rewrite(root, &mut done, &mut |_, _| None)
-        });
-        let mut threshold = None;
+        })
+    }
+
+    /// The threshold, and whether both forms differ there, at a point.
+    fn compared(&mut self, sides: [ExprId; 2], distance: ExprId, leaf: Option<(VarId, i64)>, point: u32) -> Option<(f64, bool)> {
+        let at = self.threshold(distance, leaf, point)?;
+        let [a, b] = sides.map(|side| self.value(side, leaf, at, point));
+        let (a, b) = (a.filter(|x| x.is_finite())?, b.filter(|x| x.is_finite())?);
+        Some((at, (a - b).abs() > DIFFERS * a.abs().max(b.abs())))
+    }
+
+    /// The jump of an expression at a threshold, if its values differ at all points.
+    fn jump_at(&mut self, root: ExprId, forms: &Forms, leaf: Option<(VarId, i64)>) -> Option<Jump> {
+        let sides = self.sides(root, forms);
+        let mut first = None;
         for point in 0..POINTS {
-            let at = self.threshold(forms.distance, leaf, point)?;
-            let [a, b] = sides.map(|side| self.value(side, leaf, at, point));
-            let (a, b) = (a.filter(|x| x.is_finite())?, b.filter(|x| x.is_finite())?);
-            if (a - b).abs() <= DIFFERS * a.abs().max(b.abs()) {
-                return None;
-            }
-            threshold = threshold.or(Some(at));
+            let (at, _) = self.compared(sides, forms.distance, leaf, point).filter(|(_, differs)| *differs)?;
+            first = first.or(Some(at));
         }
-        threshold.map(|at| Jump { of: leaf, at })
+        first.map(|at| Jump { of: leaf, at, depends: false })
+    }
+
+    /// The jump of an expression at a threshold, if its values differ at some point.
+    fn differs_at(&mut self, root: ExprId, forms: &Forms, leaf: Option<(VarId, i64)>) -> Option<Jump> {
+        let sides = self.sides(root, forms);
+        let found = (0..POINTS).filter_map(|point| self.compared(sides, forms.distance, leaf, point)).find(|(_, differs)| *differs);
+        found.map(|(at, _)| Jump { of: leaf, at, depends: true })
+    }
+
+    /// A switch as a run watches it: not where the values at the threshold move with what moves the
+    /// switch.
+    fn doubt(&mut self, root: ExprId, forms: &Forms, leaf: Option<(VarId, i64)>) -> Option<Doubt> {
+        let sides = self.sides(root, forms);
+        let gap = self.exprs.sub(sides[0], sides[1]);
+        let moves = self.exprs.below([gap]).any(|e| match (self.exprs.node(e), leaf) {
+            (Expr::Time, None) => true,
+            (Expr::Load { var, flavour: Flavour::Value, .. }, Some((own, _))) => var == own,
+            _ => false,
+        });
+        (!moves).then_some(Doubt { sides, distance: forms.distance, of: leaf })
     }
 
     /// The value of a quantity at which an expression is zero, by the secant method.
@@ -189,12 +260,15 @@ impl JumpSearch<'_> {
         eval_at(&self.exprs, e, &mut [0; MAX_DEPTH], &value_of)
     }
 
-    /// The default of a parameter, otherwise a number about the default or the scale of a variable.
+    /// The value of a parameter, otherwise a number about the default or the scale of a variable.
     fn sample(&self, var: VarId, flavour: Flavour, element: i64, point: u32) -> f64 {
-        let default = self.default_of(var, element).filter(|_| flavour == Flavour::Value);
-        if let Some(value) = default.filter(|_| self.model.vars[var].role == Role::Param) {
-            return value;
+        if self.model.vars[var].role == Role::Param && flavour == Flavour::Value {
+            let start = self.parameters.get(point as usize).or(self.parameters.last());
+            if let Some(value) = start.and_then(|start| start.element(var, element)) {
+                return value;
+            }
         }
+        let default = self.default_of(var, element).filter(|_| flavour == Flavour::Value);
         let part = crate::switches::somewhere(point, var, flavour, element);
         match default.filter(|x| *x != 0.0) {
             Some(x) => x * part,
@@ -204,8 +278,18 @@ impl JumpSearch<'_> {
 
     fn default_of(&self, var: VarId, element: i64) -> Option<f64> {
         let q = &self.model.interface.quantities;
-        let mut all = q.parameters.iter().chain(&q.states).chain(&q.algebraics);
+        let mut all = q.states.iter().chain(&q.algebraics);
         let quantity = all.find(|q| q.var == Some(var))?;
         Some(Quantity::pick(&quantity.default, element.max(0) as usize)).filter(|x| x.is_finite())
     }
+}
+
+/// A variable that jumps and that an expression reads.
+pub(super) fn jumping(model: &Model, e: ExprId) -> Option<VarId> {
+    let jumps = |var: VarId, flavour: Flavour| match model.vars[var].role {
+        Role::Action | Role::Discrete | Role::Disturbance | Role::Delayed => flavour == Flavour::Value,
+        Role::State | Role::Algebraic => flavour == Flavour::Previous,
+        _ => false,
+    };
+    model.exprs.loads(e, jumps).first().map(|load| load.0)
 }

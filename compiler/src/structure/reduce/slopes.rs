@@ -3,7 +3,7 @@
 
 use super::super::rates::shifted;
 use super::super::whole::placed;
-use super::jumps::{self, Jump};
+use super::jumps::{self, Jump, jumping};
 use super::system::{Node, Pool};
 use crate::differentiate;
 use crate::elaborate::{Equation, EquationForm};
@@ -129,9 +129,9 @@ impl Slopes {
         let values = |_: VarId, flavour: Flavour| (flavour == Flavour::Value).then_some(differentiate::Column { first: 0, factor: None });
         // Each sum has another counter: addresses have one meaning.
         let residual = differentiate::normalise(&mut model.exprs, extents.len(), residual, &values).map_err(|_| NoSlope::Form)?;
-        if let Some(jump) = jumps::find(model, residual) {
-            return Err(NoSlope::Breaks(jump));
-        }
+        let doubts = jumps::examine(model, residual).map_err(NoSlope::Breaks)?;
+        let around = all_loops(&model.exprs, residual, &extents);
+        jumps::watch::watch(model, &doubts, &around, span).map_err(|doubt| NoSlope::Breaks(doubt.refused()))?;
         for state in self.in_several_pieces(model, residual, &extents) {
             self.detach(model, nodes, pool, state);
         }
@@ -229,12 +229,6 @@ pub(super) fn all_loops(exprs: &Exprs, e: ExprId, extents: &[u32]) -> Loops {
         }
     }
     loops
-}
-
-/// Something that jumps and that an expression reads.
-fn jumping(model: &Model, e: ExprId) -> Option<VarId> {
-    let jumps = |var: VarId| matches!(model.vars[var].role, Role::Action | Role::Discrete | Role::Disturbance | Role::Delayed);
-    model.exprs.loads(e, |var, flavour| flavour == Flavour::Value && jumps(var)).first().map(|load| load.0)
 }
 
 /// Puts the variables of rates in the place of rates of variables.

@@ -37,6 +37,43 @@ impl Start {
         start
     }
 
+    /// Values of parameters: each declared one that may change is multiplied by a factor, or is the
+    /// factor where it is zero; others follow from these.
+    pub(super) fn of_parameters(model: &Model, factor: &dyn Fn(VarId, i64) -> f64) -> Start {
+        let mut start = Start::default();
+        for quantity in &model.interface.quantities.parameters {
+            let Some(var) = quantity.var else { continue };
+            for i in 0..quantity.len() {
+                let (x, part) = (Quantity::pick(&quantity.default, i), factor(var, i as i64));
+                let value = if quantity.structural {
+                    x
+                } else if x == 0.0 {
+                    part - 1.0
+                } else {
+                    x * part
+                };
+                if value.is_finite() {
+                    start.known.insert((var, i as i64), value);
+                }
+            }
+        }
+        for (var, v) in model.vars.iter() {
+            let hidden = |i: i64| match v.role {
+                Role::ParamGiven => Some(0.0),
+                Role::Draw => Some(0.5 * factor(var, i)),
+                _ => None,
+            };
+            start.known.extend((0..i64::from(v.len)).filter_map(|i| Some(((var, i), hidden(i)?))));
+        }
+        start.run(model, &model.programs.parameters);
+        start
+    }
+
+    /// The value of an element, where it is known.
+    pub(super) fn element(&self, var: VarId, at: i64) -> Option<f64> {
+        self.at(var, Flavour::Value, at)
+    }
+
     /// Arbitrary numbers, the same ones in every run.
     pub(super) fn anywhere() -> Start {
         Start { anywhere: true, ..Start::default() }
