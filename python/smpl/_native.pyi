@@ -158,7 +158,13 @@ class Model:
         discrete: Sequence[tuple[str, FloatArray]],
         disturbances: Sequence[tuple[str, FloatArray]],
         size: tuple[int, int],
-        options: tuple[int | None, int, bool, Sequence[tuple[int, float]]],
+        options: tuple[
+            int | None,
+            int,
+            bool,
+            Sequence[tuple[int, float]],
+            tuple[Sequence[float], Sequence[float], Sequence[float]] | None,
+        ],
         run: tuple[int, int | None, str | None],
     ) -> tuple[
         FloatArray,

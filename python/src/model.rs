@@ -360,7 +360,7 @@ impl Model {
     }
 
     /// Trajectories from states or from a snapshot; `size` is (trajectories, steps), `options`
-    /// (seed, first step, with outputs, instants), `run` (threads, time limit, method).
+    /// (seed, first step, with outputs, instants, history), `run` (threads, time limit, method).
     #[expect(clippy::too_many_arguments, reason = "the arguments of the Python method, one by one")]
     fn rollout<'py>(
         &self,
@@ -371,7 +371,7 @@ impl Model {
         discrete: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         disturbances: Vec<(String, PyReadonlyArrayDyn<'py, f64>)>,
         size: (usize, usize),
-        options: (Option<u64>, u32, bool, Vec<(usize, f64)>),
+        options: crate::rollout::Options,
         run: Run,
     ) -> PyResult<Results<'py>> {
         let request = Request::new(&start, &actions, [&parameters, &discrete, &disturbances], size, options);

@@ -3,6 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use smpl_runtime::environment::History;
 use smpl_runtime::rollout::{Arrays, Given, Origin, Plan, RolloutError, Rollouts};
 
 use crate::arrays::Fresh;
@@ -53,20 +54,18 @@ pub struct Request {
     first_step: u32,
     outputs: bool,
     instants: Vec<(usize, f64)>,
+    history: Option<History>,
 }
+
+/// Seed, first step, with outputs, instants as step and share of it, and the history: times, states
+/// and actions.
+pub type Options = (Option<u64>, u32, bool, Vec<(usize, f64)>, Option<(Vec<f64>, Vec<f64>, Vec<f64>)>);
 
 type Named<'py> = Vec<(String, Numbers<'py>)>;
 
 impl Request {
-    /// `size` is (trajectories, steps), `options` (seed, first step, with outputs, instants as step
-    /// and share of it).
-    pub fn new(
-        start: &Start<'_>,
-        actions: &Numbers<'_>,
-        given: [&Named<'_>; 3],
-        size: (usize, usize),
-        options: (Option<u64>, u32, bool, Vec<(usize, f64)>),
-    ) -> Self {
+    /// `size` is (trajectories, steps).
+    pub fn new(start: &Start<'_>, actions: &Numbers<'_>, given: [&Named<'_>; 3], size: (usize, usize), options: Options) -> Self {
         let values = |array: &Numbers<'_>| array.as_array().iter().copied().collect::<Vec<f64>>();
         let [parameters, discrete, disturbances] =
             given.map(|named| named.iter().map(|(name, array)| (name.clone(), values(array))).collect::<Vec<_>>());
@@ -74,9 +73,10 @@ impl Request {
             Start::Snapshot(snapshot) => (Some(snapshot.inner().clone()), Vec::new()),
             Start::States(states) => (None, values(states)),
         };
-        let ((count, horizon), (seed, first_step, outputs, instants)) = (size, options);
+        let ((count, horizon), (seed, first_step, outputs, instants, history)) = (size, options);
+        let history = history.map(|(times, states, actions)| History { times, states, actions });
         let actions = values(actions);
-        Self { snapshot, states, actions, parameters, discrete, disturbances, count, horizon, seed, first_step, outputs, instants }
+        Self { snapshot, states, actions, parameters, discrete, disturbances, count, horizon, seed, first_step, outputs, instants, history }
     }
 
     fn plan(&self) -> Plan<'_> {
@@ -91,6 +91,7 @@ impl Request {
             seed: self.seed,
             first_step: self.first_step,
             instants: &self.instants,
+            history: self.history.as_ref(),
         }
     }
 

@@ -11,6 +11,7 @@ mod cyclic;
 mod finish;
 mod following;
 mod glance;
+mod history;
 mod interval;
 mod invariants;
 mod progress;
@@ -27,6 +28,7 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 use smpl_compiler::model::Interface;
 
+pub use history::History;
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};

@@ -5,6 +5,7 @@
 //! integration (`marks`), so that a step sees one form of each delayed value. No step is longer
 //! than the shortest dead time, so that what it reads is known.
 
+mod given;
 mod marks;
 pub(crate) mod moved;
 mod record;
@@ -15,6 +16,7 @@ use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot, Expr, Flavour, Program, Role};
 use smpl_compiler::layout::{Memory, Region};
 use smpl_compiler::model::Lag;
 
+pub(crate) use self::given::Samples;
 use self::marks::{Marks, are_near};
 use self::record::{ROUNDINGS, Record, TERMS, nodes};
 use crate::solver::Within;
@@ -65,6 +67,12 @@ pub enum PastError {
         delay: String,
         /// The dead time.
         value: f64,
+    },
+    /// A delayed expression that does not follow from states and actions.
+    #[error("a history gives states and actions, and `{delay}` delays more: an algebraic variable, a rate or a delayed value")]
+    History {
+        /// The call.
+        delay: String,
     },
     /// The value before the start depends on itself.
     #[error("the value of `{delay}` before the start depends on itself: give one, `delay(e, theta, before = e0)`")]

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::environment::{Environment, ResetError, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
+use crate::environment::{Environment, History, ResetError, ResetOptions, Snapshot, SnapshotError, Start, StateInput, StepError};
 use crate::failure::{FailureKind, START};
 use crate::pool::{self, Pool};
 use crate::setup::{Setup, SetupError};
@@ -48,6 +48,8 @@ pub struct Plan<'a> {
     pub seed: Option<u64>,
     /// Steps that count as completed at the start.
     pub first_step: u32,
+    /// The past of all trajectories, for delayed values. It does not go with [`Origin::Snapshot`].
+    pub history: Option<&'a History>,
     /// Instants within steps at which states and measurements are read too: the step, from 0, and
     /// the share of it, from 0 to 1.
     pub instants: &'a [(usize, f64)],
@@ -299,6 +301,7 @@ impl Plan<'_> {
             disturbances: self.disturbances.iter().map(|(name, _)| (name.clone(), Vec::new())).collect(),
             expected: self.seed.is_none(),
             first_step: self.first_step,
+            history: self.history.cloned(),
             ..ResetOptions::default()
         }
     }
@@ -308,6 +311,9 @@ impl Plan<'_> {
             if !given.is_empty() {
                 return Err(RolloutError::Fixed(what));
             }
+        }
+        if self.history.is_some() {
+            return Err(RolloutError::Fixed("history"));
         }
         if self.first_step == 0 { Ok(()) } else { Err(RolloutError::Fixed("first_step")) }
     }

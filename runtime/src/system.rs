@@ -9,7 +9,7 @@ use smpl_compiler::layout::{Memory, Part, Region};
 use smpl_compiler::model::{Root, RootAction};
 
 use crate::catalogue::{Catalogue, Element};
-use crate::past::{Kept, Past, PastError, Point};
+use crate::past::{Kept, Past, PastError, Point, Samples};
 use crate::solver::nonnegative::seen;
 use crate::solver::{Bounds, Pattern, PatternError, RootKind, RootRole, System, Within};
 
@@ -120,6 +120,16 @@ impl CompiledSystem {
         let Some(past) = &mut self.past else { return Ok(()) };
         let rtol = self.model.interface().solver.rtol;
         past.record_start(&self.model, &mut self.memory, Point { t, y, yp }, rtol)
+    }
+
+    /// Records samples instead of what was recorded before the start.
+    ///
+    /// # Errors
+    /// See [`PastError`].
+    pub(crate) fn record_samples(&mut self, t: f64, y: &[f64], yp: &[f64], samples: &Samples) -> Result<(), PastError> {
+        let Some(past) = &mut self.past else { return Ok(()) };
+        let rtol = self.model.interface().solver.rtol;
+        past.record_samples(&self.model, &mut self.memory, Point { t, y, yp }, rtol, samples)
     }
 
     /// Forgets what no dead time reaches from a time on.

@@ -94,6 +94,7 @@ def rollout(
     outputs: bool = False,
     max_steps: int | None = None,
     instants: Sequence[tuple[int, float]] = (),
+    history: Mapping[str, npt.ArrayLike] | None = None,
 ) -> Rollout:
     """Trajectories from states or from a snapshot, see `Model.rollout` and `Env.rollout`.
 
@@ -118,7 +119,7 @@ def rollout(
         _each("discrete", _known("discrete", discrete or {}, model.discrete_names), count),
         _each("disturbances", _known("disturbances", disturbances or {}, model.disturbance_names), count, horizon),
         (count, horizon),
-        (given, check_first_step(first_step, horizon), bool(outputs), list(instants)),
+        (given, check_first_step(first_step, horizon), bool(outputs), list(instants), _history(model, history)),
         (min(_threads(threads), count), check_limit(max_steps), check_method(method)),
     )
     reached, observed, algebraic, rewards, cost, violations, steps, terminated, truncated = result[:9]
@@ -140,6 +141,38 @@ def rollout(
         instant_states=instant_states,
         measured=measured,
     )
+
+
+def _history(
+    model: Model, given: Mapping[str, npt.ArrayLike] | None
+) -> tuple[list[float], list[float], list[float]] | None:
+    """Times, states and actions before the start, row after row; empty if absent."""
+    if given is None:
+        return None
+    known = _known("history", given, ("states", "actions", "times"))
+    widths = {"states": len(model.state_names), "actions": len(model.action_names)}
+    arrays = {name: _samples(f"history[{name!r}]", known[name], widths[name]) for name in widths if name in known}
+    lengths = sorted({len(array) for array in arrays.values()})
+    if not arrays:
+        raise ValueError("history has neither states nor actions, expected one of them or both")
+    if "times" in known:
+        times = as_numbers("history['times']", known["times"], f"({lengths[0]},)")
+        lengths = sorted({*lengths, len(times) if times.ndim == 1 else 0})
+    else:
+        times = model.sampling_interval * np.arange(-lengths[0], 0.0)
+    if len(lengths) > 1:
+        raise ValueError(f"history has arrays of lengths {', '.join(map(str, lengths))}, expected one length")
+    states, actions = (arrays[name].ravel().tolist() if name in arrays else [] for name in ("states", "actions"))
+    return times.tolist(), states, actions
+
+
+def _samples(what: str, values: npt.ArrayLike, width: int) -> FloatArray:
+    array = as_numbers(what, values, f"(k, {width})")
+    if array.ndim != 2 or array.shape[1] != width or not len(array):
+        raise ValueError(f"{what} has shape {array.shape}, expected (k, {width})")
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{what} has a value that is not finite")
+    return array
 
 
 def _common(actions: int, states: int) -> int:

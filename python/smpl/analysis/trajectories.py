@@ -32,6 +32,7 @@ class Trajectories:
         *,
         first_step: int = 0,
         outputs: bool = False,
+        history: Mapping[str, npt.ArrayLike] | None = None,
     ) -> Rollout:
         """Many trajectories at once, on all cores and without the interpreter lock.
 
@@ -53,6 +54,11 @@ class Trajectories:
             threads: all processors if none.
             first_step: steps that count as completed at the start: the clock begins there.
             outputs: also return the algebraic outputs.
+            history: the past that delayed values read, of all trajectories, instead of what holds
+                at the start. `states` (k, states) and `actions` (k, actions) are those of the last
+                k steps before the start, each at the beginning of its step. With `times` (k,),
+                which are below zero, they are at these times from the start. An action holds until
+                the next time; states are cubic between the times.
 
         Raises:
             ValueError: an unknown name, a wrong shape, no finite number; the message names the
@@ -70,6 +76,7 @@ class Trajectories:
             threads=threads,
             first_step=first_step,
             outputs=outputs,
+            history=history,
         )
 
     def sensitivity(

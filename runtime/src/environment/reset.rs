@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{Part, Region};
 
-use super::{Environment, Phase, Replay, finish};
+use super::{Environment, History, Phase, Replay, finish};
 use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::failure::{SolverFailure, beyond, describe_equation, describe_solver};
 use crate::observe::variate;
@@ -83,6 +83,8 @@ pub struct ResetOptions {
     /// Seed of what is drawn after the start, disturbances and errors of measurements; that of the
     /// start if none.
     pub disturbance_seed: Option<u64>,
+    /// The past that delayed values read; what follows from the start if none.
+    pub history: Option<History>,
 }
 
 /// Reason why an episode cannot begin.
@@ -137,6 +139,12 @@ pub enum ResetError {
         /// Reason.
         message: String,
     },
+    /// A history that does not fit.
+    #[error("history: {message}")]
+    History {
+        /// Reason.
+        message: String,
+    },
     /// A delayed value that cannot be.
     #[error(transparent)]
     Past(#[from] PastError),
@@ -180,6 +188,7 @@ impl Environment {
         self.initial_values(options)?;
         self.refuse_broken_start()?;
         self.system.record_start(self.time(), &self.progress.y, &self.progress.yp)?;
+        self.take_history(options)?;
         if matches!(options.state, StateInput::Start) {
             self.refuse_outside()?;
         }
@@ -538,7 +547,7 @@ impl Environment {
     }
 
     /// Parameters, states and discrete variables are numbers.
-    fn refuse_broken_start(&self) -> Result<(), ResetError> {
+    pub(super) fn refuse_broken_start(&self) -> Result<(), ResetError> {
         let parameter = self.parameters().iter().position(|p| p.is_nan());
         let name = |at: usize| self.catalogue().parameters.elements().iter().find(|e| e.at == at).map(|e| e.name.as_str());
         if let Some(name) = parameter.and_then(name) {
