@@ -435,8 +435,12 @@ pub(super) fn binders(context: &Context<'_>, pair: Pair<'_, Rule>) -> Fallible<V
         match part.as_rule() {
             Rule::binder | Rule::set_binder => found.push(binder(context, part)?),
             Rule::only_if => {
-                let condition = super::declaration::only_expr(context, part)?;
-                found.last_mut().into_iter().for_each(|last| last.condition = Some(Box::new(condition.clone())));
+                let mut inner = Children::new(part);
+                inner.skip(Rule::kw_if);
+                let condition = expr(context, inner.expect(context, Rule::expr)?)?;
+                if let Some(last) = found.last_mut() {
+                    last.condition = Some(Box::new(condition));
+                }
             }
             _ => {}
         }

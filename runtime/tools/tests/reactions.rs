@@ -168,7 +168,7 @@ fn faults_of_reactions_have_their_place_and_a_way_out() {
         ("reaction r: S -> X rate x\neq d/dt x = source[X]", "g/L"),
         ("reaction r: S -> X rate x/1 [h]\neq d/dt x = source[Q]", "`Q`"),
         ("reaction r: S -> X rate x/1 [h]\neq d/dt x = source", "`source` is an array and needs 1 index"),
-        ("reaction r: S -> X\neq d/dt x = source[X]", "unknown name `rate`"),
+        ("reaction r: S -> X\neq d/dt x = source[X]", "the reaction `r` has no rate"),
         ("reaction r: -> rate x\neq d/dt x = -x/1 [h]", "the reaction `r` has no species"),
         ("reaction r: S -> X rate x/1 [h]\nreaction r: X -> S rate x/1 [h]\neq d/dt x = source[X]", "`r`"),
         ("reaction r: S -> X rate x/1 [h]\nlet source = 1\neq d/dt x = -x/1 [h]", "`source` is declared twice"),
