@@ -220,6 +220,12 @@ def test_a_reward_relative_to_the_start_of_an_episode_is_refused(tmp_path):
         trainer.train(36, 0, 0.0)
 
 
+def test_a_centre_that_asks_the_running_model_is_refused(tmp_path):
+    task = model_of(LINEAR + "policy back { u = -x - v }\n", tmp_path)
+    with pytest.raises(NotImplementedError, match="centre is 'back', a policy that asks the running model"):
+        ShortHorizonTrainer(task, Formulation.of({"centre": "back"}), {}, 2)
+
+
 def test_windows_end_at_failures_and_time_limits(tmp_path):
     task = model_of(LINEAR.replace("episode {", "fail far when x > 0.9\nepisode {"), tmp_path)
     trainer = ShortHorizonTrainer(task, Formulation.of({"failure_reward": -3}), {"horizon": 30, "hidden": 8}, 8)

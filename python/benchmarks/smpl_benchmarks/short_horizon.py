@@ -86,6 +86,7 @@ class ShortHorizonTrainer:
     Raises:
         ImportError: PyTorch is missing.
         ValueError: an unknown hyperparameter, or a formulation with a history.
+        NotImplementedError: the centre of the formulation asks the running model.
     """
 
     def __init__(
@@ -106,6 +107,11 @@ class ShortHorizonTrainer:
             curriculum=Curriculum(curriculum) if curriculum else None,
             autoreset_mode=AutoresetMode.SAME_STEP, **task.arguments,
         )  # fmt: skip
+        if self.batch.form.needs == "model":
+            raise NotImplementedError(
+                f"centre is {formulation.centre!r}, a policy that asks the running model: {NAME} derives by centres "
+                "that are functions of states or observations"
+            )
         self._nets: dict[str, Any] = {}
         self._optimisers: dict[str, Any] = {}
 

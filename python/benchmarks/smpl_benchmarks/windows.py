@@ -2,7 +2,8 @@
 
 The batch runs as in any other training. `smpl.analysis.sensitivity.linearize_rollout` then has the
 exact derivatives of states, rewards and observations by all actions of the window, across events,
-updates and phases. The actions of the centre of a formulation follow what they read.
+updates and phases. The actions of the centre of a formulation follow the states and observations
+that it reads; what it remembers counts as given.
 """
 
 from __future__ import annotations

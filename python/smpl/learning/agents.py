@@ -90,7 +90,8 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
     Args:
         spec: a name of `names(model)`, `constant:26.85,0.1` (physical units), `module:attribute`,
             an `Agent`, a controller, a policy or a function. Or a path of a policy file: `.zip` of
-            Stable-Baselines3 as `PPO:policy.zip`, `.d3` of d3rlpy, `.pt` of TorchScript.
+            Stable-Baselines3 as `PPO:policy.zip`, `.d3` of d3rlpy, `.pt` of TorchScript, `.json`
+            of a tuned predictive controller.
         model: of the environment that it is for.
         name: instead of the default one.
 
