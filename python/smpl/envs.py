@@ -191,7 +191,7 @@ class Env(Interface, gymnasium.Env[Any, Any]):
         try:
             try:
                 result = self._native.step(action)
-            except TypeError:  # no plain vector of doubles: nothing was stepped
+            except TypeError:  # not a plain vector of floating-point numbers: nothing was stepped
                 result = self._native.step(as_vector("action", action, len(self.action_low)))
         except _native.SimulationError as error:
             raise_ended(error)

@@ -1,6 +1,6 @@
 //! Class `Env`: one environment.
 
-use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -69,18 +69,16 @@ impl Env {
     }
 
     /// Takes a step; raises `TypeError` without a step if the action is not a plain vector of
-    /// doubles.
+    /// single- or double-precision numbers.
     fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
-        let action = action.cast_exact::<PyArray1<f64>>()?;
         let mut inner = self.inner.enter()?;
         let Inner { environment, keys, normalisation, action: values } = &mut *inner;
-        if action.len() != values.len() {
-            let message = format!("action has shape ({},), expected ({},)", action.len(), values.len());
-            return Err(PyValueError::new_err(message));
+        match action.cast_exact::<PyArray1<f32>>() {
+            Ok(single) => copy_numbers(single, values)?,
+            Err(_) => copy_numbers(action.cast_exact::<PyArray1<f64>>()?, values)?,
         }
-        let actions = environment.catalogue().actions.elements();
-        for (i, (out, element)) in values.iter_mut().zip(actions).enumerate() {
-            *out = normalisation.physical(action.get_owned(i).unwrap_or(f64::NAN), element);
+        for (value, element) in values.iter_mut().zip(environment.catalogue().actions.elements()) {
+            *value = normalisation.physical(*value, element);
         }
         let action = &*values;
         let result = released(py, || environment.step(action))?.map_err(|e| step_error(&e))?;
@@ -203,6 +201,21 @@ impl<'py> FromPyObject<'_, 'py> for Normalize {
         }
         Ok(Self(if given.extract()? { Normalisation::Box } else { Normalisation::Off }))
     }
+}
+
+/// Copies an action of either precision.
+///
+/// # Errors
+/// A `ValueError` if its length is not that of `out`.
+fn copy_numbers<T: Element + Copy + Into<f64>>(action: &Bound<'_, PyArray1<T>>, out: &mut [f64]) -> PyResult<()> {
+    if action.len() != out.len() {
+        let message = format!("action has shape ({},), expected ({},)", action.len(), out.len());
+        return Err(PyValueError::new_err(message));
+    }
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = action.get_owned(i).map_or(f64::NAN, Into::into);
+    }
+    Ok(())
 }
 
 fn observation<'py>(py: Python<'py>, environment: &Environment, normalisation: Normalisation) -> Observation<'py> {

@@ -176,6 +176,35 @@ def test_actions_are_taken_in_double_precision():
     np.testing.assert_array_equal(*states)
 
 
+@pytest.mark.parametrize("kind", ["strided", "other byte order", "list", "16 bits"])
+def test_an_action_in_any_layout_steps_as_its_numbers_do(kind):
+    action = {
+        "strided": np.array([0.25, 7.0, -0.5, 7.0], np.float32)[::2],
+        "other byte order": np.array([0.25, -0.5]).astype(">f4"),
+        "list": [0.25, -0.5],
+        "16 bits": np.array([0.25, -0.5], np.float16),
+    }[kind]
+    states = []
+    for given in (action, np.array([0.25, -0.5])):
+        env = smpl.Env("reactor")
+        env.reset(seed=0, options={"state": START})
+        env.step(given)
+        states.append(env.state)
+    np.testing.assert_array_equal(*states)
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_invalid_arrays_of_either_precision_are_refused(reactor, precision):
+    reactor.reset(seed=0)
+    with pytest.raises(ValueError, match=r"action has shape \(3,\), expected \(2,\)"):
+        reactor.step(np.ones(3, precision))
+    with pytest.raises(ValueError, match=r"action has shape \(1, 2\), expected \(2,\)"):
+        reactor.step(np.ones((1, 2), precision))
+    with pytest.raises(ValueError, match="NaN"):
+        reactor.step(np.array([np.nan, 0.1], precision))
+    assert reactor.steps == 0
+
+
 def test_normalised_and_physical_actions_agree(reactor):
     normalised = smpl.Env("reactor")
     for env in (reactor, normalised):
