@@ -241,6 +241,7 @@ impl Layout {
 
     /// Place of a region in the workspace.
     #[must_use]
+    #[inline]
     pub fn range(&self, region: Region) -> Range<usize> {
         let (start, len) = self.regions[region.index()];
         start as usize..(start + len) as usize

@@ -94,18 +94,21 @@ impl CompiledModel {
     ///
     /// # Panics
     /// If a vector's length is not [`CompiledModel::unknowns`]; likewise below.
+    #[inline]
     pub fn residual(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         assert_eq!(out.len(), self.unknowns(), "length of the residual");
         self.evaluate(Function::Residual, m, (t, 0.0), (y, yp), out);
     }
 
     /// `values = ∂F/∂y + cj ∂F/∂y'` in the order of [`CompiledModel::pattern`].
+    #[inline]
     pub fn jacobian(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], cj: f64, values: &mut [f64]) {
         assert_eq!(values.len(), self.pattern().nonzeros(), "length of the Jacobian's values");
         self.evaluate(Function::Jacobian, m, (t, cj), (y, yp), values);
     }
 
     /// Values of the root functions, in the order of [`CompiledModel::watched`].
+    #[inline]
     pub fn roots(&self, m: &mut Memory, t: f64, y: &[f64], yp: &[f64], out: &mut [f64]) {
         assert_eq!(out.len(), self.watched().len(), "number of roots");
         self.evaluate(Function::Roots, m, (t, 0.0), (y, yp), out);
@@ -114,6 +117,7 @@ impl CompiledModel {
     /// Lower bounds of the root functions, then upper ones, from `begin` to `end` and over a box of
     /// unknowns from `least` to `most`. Bounds of root functions that read rates are infinite; one
     /// that is not a number says nothing.
+    #[inline]
     pub fn bounds(&self, m: &mut Memory, (begin, end): (f64, f64), (least, most): (&[f64], &[f64]), out: &mut [f64]) {
         assert_eq!(out.len(), 2 * self.watched().len(), "number of bounds");
         self.evaluate(Function::Bounds, m, (begin, end), (least, most), out);

@@ -40,12 +40,14 @@ impl Memory {
 
     /// The numbers of a region: variables in the order of their ids, elements in storage order.
     #[must_use]
+    #[inline]
     pub fn region(&self, region: Region) -> &[f64] {
         &self.all()[self.layout.range(region)]
     }
 
     /// The numbers of a region, to be changed.
     #[must_use]
+    #[inline]
     pub fn region_mut(&mut self, region: Region) -> &mut [f64] {
         let range = self.layout.range(region);
         &mut self.all_mut()[range]

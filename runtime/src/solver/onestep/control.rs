@@ -1,8 +1,10 @@
 //! The length of steps.
 //!
 //! By the error of the last two steps (a PI controller: K. Gustafsson, Control of error and
-//! convergence in ODE solvers, thesis, Lund 1992). Powers are taken by square roots, which every
-//! processor rounds alike.
+//! convergence in ODE solvers, thesis, Lund 1992). Before an ignition, steps have to become shorter
+//! and shorter. Those of order eight then follow his prediction: the step that fits changes again
+//! by the ratio by which it changed last. Powers are taken by square roots, which every processor
+//! rounds alike.
 
 /// Part of the step that the error would allow.
 const SAFETY: f64 = 0.9;
@@ -32,15 +34,22 @@ pub(super) enum Growth {
 pub(super) struct Control {
     /// The step that fits; zero where none is known.
     pub proposed: f64,
-    /// A root of the error of the last accepted step.
+    /// A root of the error of the last accepted step: of order 32, or eight with that method.
     last: f64,
+    /// Length of that step if its error shows which step fits; zero otherwise.
+    before: f64,
     /// The last attempt was rejected.
     rejected: bool,
 }
 
+/// The root of order eight.
+fn root8(x: f64) -> f64 {
+    x.sqrt().sqrt().sqrt()
+}
+
 /// The root of order 32.
 fn root32(x: f64) -> f64 {
-    x.sqrt().sqrt().sqrt().sqrt().sqrt()
+    root8(x).sqrt().sqrt()
 }
 
 /// The first step for rates that amount to `speed` tolerances a unit of time and change by `change`
@@ -63,7 +72,7 @@ pub(super) fn first_step(speed: f64, change: f64, ahead: f64, growth: Growth) ->
 impl Control {
     /// Begins with a step, without history.
     pub(super) fn begin(step: f64) -> Self {
-        Self { proposed: step, last: 1.0, rejected: false }
+        Self { proposed: step, last: 1.0, before: 0.0, rejected: false }
     }
 
     /// The step to take where so much is left: equal ones where few fit.
@@ -89,11 +98,16 @@ impl Control {
             return;
         }
         let error = error.max(SMALLEST_ERROR);
-        let root = root32(error);
-        let factor = match growth {
-            // Exponents 5/32 and 1/32.
-            Growth::Fifth => SAFETY * self.last / (root * root * root * root * root),
-            Growth::Eighth => SAFETY / (root * root * root * root),
+        let (root, factor) = match growth {
+            Growth::Fifth => {
+                // Exponents 5/32 and 1/32.
+                let root = root32(error);
+                (root, SAFETY * self.last / (root * root * root * root * root))
+            }
+            Growth::Eighth => {
+                let root = root8(error);
+                (root, self.predict(step, root))
+            }
         };
         let most = if self.rejected { 1.0 } else { MOST };
         let next = step * factor.clamp(LEAST, most);
@@ -101,6 +115,15 @@ impl Control {
         self.proposed = if factor >= 1.0 && step < self.proposed { next.max(self.proposed) } else { next };
         self.last = root;
         self.rejected = false;
+    }
+
+    /// Factor of the step after an accepted one of order eight, by the root of its error. A step
+    /// that fits less than the one before is followed by one that fits less again. Notes the step.
+    fn predict(&mut self, step: f64, root: f64) -> f64 {
+        let factor = SAFETY / root;
+        let before = std::mem::replace(&mut self.before, if factor < MOST { step } else { 0.0 });
+        let change = (step * self.last) / (before * root);
+        if before > 0.0 && self.before > 0.0 && change < 1.0 { factor * change } else { factor }
     }
 
     /// The step that the error of the one just accepted asks for; infinite where it was so small
@@ -117,11 +140,12 @@ impl Control {
 
     /// Notes the error of a step that was rejected; infinite if missing.
     pub(crate) fn reject(&mut self, step: f64, error: f64, growth: Growth) {
-        let root = root32(error);
-        let power = root * root * root * root;
         let factor = match growth {
-            Growth::Fifth => SAFETY / (power * root * root),
-            Growth::Eighth => SAFETY / power,
+            Growth::Fifth => {
+                let root = root32(error);
+                SAFETY / (root * root * root * root * root * root)
+            }
+            Growth::Eighth => SAFETY / root8(error),
         };
         self.proposed = step * if error.is_finite() { factor.clamp(LEAST, SAFETY) } else { 0.25 };
         self.rejected = true;
@@ -152,15 +176,40 @@ mod tests {
 
     #[test]
     fn a_negligible_error_needs_no_roots_for_the_same_step() {
-        assert!(SAFETY / root32(NEGLIGIBLE).powi(4) > MOST);
+        assert!(SAFETY / root8(NEGLIGIBLE) > MOST);
         for (rejected, proposed) in [(false, 1.0), (false, 20.0), (true, 0.5)] {
             let lengths = [0.999 * NEGLIGIBLE, 1.001 * NEGLIGIBLE].map(|error| {
-                let mut control = Control { proposed, last: 1.0, rejected };
+                let mut control = Control { rejected, ..Control::begin(proposed) };
                 control.accept(1.0, error, Growth::Eighth);
                 control.proposed
             });
             assert_eq!(lengths[0], lengths[1], "{rejected} {proposed}");
         }
+    }
+
+    #[test]
+    fn steps_that_become_shorter_go_on_to_do_so() {
+        // The step that fits falls by a twentieth from step to step.
+        let error = |step: f64, fitting: f64| (step / fitting).powi(8);
+        let mut control = Control::begin(0.9);
+        let mut fitting = 1.0;
+        for k in 0..6 {
+            let step = control.proposed;
+            let found = error(step, fitting);
+            assert!(found <= 1.0, "step {k} is rejected with an error of {found}");
+            control.accept(step, found, Growth::Eighth);
+            fitting *= 0.95;
+        }
+        assert!((control.proposed / (SAFETY * fitting) - 1.0).abs() < 0.01, "{}", control.proposed);
+    }
+
+    #[test]
+    fn a_step_that_fits_for_longer_grows_by_its_error_alone() {
+        let mut control = Control::begin(1.0);
+        control.accept(1.0, 0.5, Growth::Eighth);
+        control.accept(1.0, 0.01, Growth::Eighth);
+        let expected = SAFETY / 0.01_f64.powf(0.125);
+        assert!((control.proposed / expected - 1.0).abs() < 1e-12, "{}", control.proposed);
     }
 
     #[test]

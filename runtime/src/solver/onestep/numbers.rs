@@ -93,13 +93,59 @@ pub(super) fn bound_bow((first, last): (&Quad, &Quad), (least, most): (&mut Quad
 #[inline(always)]
 pub(super) fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
     let n = out.len();
-    let (base, terms) = (&base[..n], terms.map(|term| &term[..n]));
+    let (base, terms) = (&base[..n], parts(&terms, n));
     for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
-        let sum = weighted(i, factors, &terms);
         let mut total = *base;
-        total.iter_mut().zip(sum).for_each(|(total, sum)| *total += factor * sum);
+        add_multiple(&mut total, factor, &weighted(i, factors, &terms));
         *out = total;
     }
+}
+
+/// The same for the unknowns at a stage, where the equations have just written the last term. Only
+/// a product and a sum wait for it; an additional rounding is harmless there.
+#[inline(always)]
+pub(super) fn place_stage<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f64, factors: &[f64; N], terms: [&Quads; N]) {
+    let n = out.len();
+    let (base, terms) = (&base[..n], parts(&terms, n));
+    for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
+        let mut sum = [0.0; LANES];
+        for (factor, term) in factors.iter().zip(&terms).take(N - 1) {
+            add_multiple(&mut sum, *factor, &term[i]);
+        }
+        let mut total = *base;
+        add_multiple(&mut total, factor, &sum);
+        let last = if LANES * n <= LONG { fresh(&terms[N - 1][i]) } else { terms[N - 1][i] };
+        add_multiple(&mut total, factor * factors[N - 1], &last);
+        *out = total;
+    }
+}
+
+/// Reads numbers one by one that were written one by one a moment ago. A wide read waits until all
+/// of them have left the processor's store buffer.
+#[inline(always)]
+fn fresh(quad: &Quad) -> Quad {
+    let mut numbers = [0.0; LANES];
+    for (number, from) in numbers.iter_mut().zip(quad) {
+        // SAFETY: a reference to a number is valid for reads.
+        *number = unsafe { std::ptr::read_volatile(from) };
+    }
+    numbers
+}
+
+/// `sum += factor * term`.
+#[inline(always)]
+fn add_multiple(sum: &mut Quad, factor: f64, term: &Quad) {
+    sum.iter_mut().zip(term).for_each(|(sum, term)| *sum += factor * term);
+}
+
+/// So many fours of each term. (`map` of an array is a call, which takes longer than a short sum.)
+#[inline(always)]
+pub(super) fn parts<'a, const N: usize>(terms: &[&'a Quads; N], n: usize) -> [&'a [Quad]; N] {
+    let mut parts: [&[Quad]; N] = [&[]; N];
+    for (part, term) in parts.iter_mut().zip(terms) {
+        *part = &term[..n];
+    }
+    parts
 }
 
 /// `sum over j of factors[j] terms[j]` in the four `i`.
@@ -107,7 +153,7 @@ pub(super) fn combine<const N: usize>(out: &mut [Quad], base: &[Quad], factor: f
 pub(super) fn weighted<const N: usize>(i: usize, factors: &[f64; N], terms: &[&[Quad]; N]) -> Quad {
     let mut sum = [0.0; LANES];
     for (factor, term) in factors.iter().zip(terms) {
-        sum.iter_mut().zip(&term[i]).for_each(|(sum, term)| *sum += factor * term);
+        add_multiple(&mut sum, *factor, &term[i]);
     }
     sum
 }

@@ -4,7 +4,7 @@ use super::super::callbacks::Trouble;
 use super::super::{LinearSolver, SolveError, System};
 use super::frame::Frame;
 use super::matrix::Matrix;
-use super::numbers::{Quad, Quads, bound_bow, entries_mut, set, weighted, widened, zeros};
+use super::numbers::{Quad, Quads, bound_bow, entries_mut, parts, set, weighted, widened, zeros};
 use super::rodas5p::*;
 
 /// Distance of the points at which ∂f/∂t is taken, in parts of the step.
@@ -272,7 +272,7 @@ fn combine<const N: usize>(
     terms: [&Quads; N],
 ) {
     let n = place.len();
-    let (right, begin, terms) = (&mut right[..n], &begin[..n], terms.map(|term| &term[..n]));
+    let (right, begin, terms) = (&mut right[..n], &begin[..n], parts(&terms, n));
     for (i, (((place, right), begin), mass)) in place.iter_mut().zip(right).zip(begin).zip(mass).enumerate() {
         let (sum, others) = (weighted(i, a, &terms), weighted(i, c, &terms));
         *place = std::array::from_fn(|lane| begin[lane] + sum[lane]);
@@ -284,7 +284,7 @@ fn combine<const N: usize>(
 #[inline(always)]
 fn increase<const N: usize>(place: &mut [Quad], right: &mut [Quad], (mass, factor): (&[Quad], f64), c: &[f64; N], terms: [&Quads; N]) {
     let n = place.len();
-    let (right, terms) = (&mut right[..n], terms.map(|term| &term[..n]));
+    let (right, terms) = (&mut right[..n], parts(&terms, n));
     for (i, ((place, right), mass)) in place.iter_mut().zip(right).zip(mass).enumerate() {
         let others = weighted(i, c, &terms);
         let last = terms[N - 1][i];

@@ -3,7 +3,7 @@
 
 use super::super::System;
 use super::frame::{Frame, surround};
-use super::numbers::{Quad, Quads, bound_bow, combine, set, weighted, widened, zeros};
+use super::numbers::{Quad, Quads, bound_bow, combine, place_stage, set, weighted, widened, zeros};
 use super::tsit5::*;
 
 /// Space for a step, and its polynomial.
@@ -47,7 +47,7 @@ impl Short {
         let [k2, k3, k4, k5, k6] = &mut self.k;
         macro_rules! stage {
             ($out:ident, $number:literal, $row:ident, $($from:expr),+) => {{
-                combine(place, begin, h, &$row, [$(&*$from),+]);
+                place_stage(place, begin, h, &$row, [$(&*$from),+]);
                 functions.rates(system, t + C[$number] * h, place, $out);
             }};
         }
