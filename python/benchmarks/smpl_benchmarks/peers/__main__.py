@@ -19,9 +19,11 @@ from smpl_benchmarks.peers import (
     ppo,
     precision,
     reactor,
+    steps,
 )
 
 SECTIONS = {
+    "steps": steps.main,
     "environments": environments.main,
     "episodes": episodes.main,
     "reactor": reactor.main,

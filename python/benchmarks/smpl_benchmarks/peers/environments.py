@@ -2,15 +2,13 @@
 
 Two cases: the nominal policy from the start of seed 0, and random actions of +-0.2 from sampled
 starts, new episodes after ended ones included. Each is run by the model's own method, by `ida` and
-by `auto`. Then random steps of `gymnasium.make`, with its wrappers, in turns with Gymnasium's own
-pendulum.
+by `auto`.
 """
 
 from __future__ import annotations
 
 from functools import partial
 
-import gymnasium
 import numpy as np
 
 import smpl
@@ -25,8 +23,6 @@ MOST_STEPS = 200
 # Random actions: largest distance from the middle, of actions scaled to -1..1.
 WIDTH = 0.2
 METHODS = (None, "ida", "auto")
-# Steps of a turn of `gymnasium.make`.
-TURN = 2000
 
 
 def main(repeats: int) -> None:
@@ -50,34 +46,6 @@ def main(repeats: int) -> None:
                 for label, one, many in zip(("default", *METHODS[1:]), alone, batches, strict=True)
             )
             print(f"  smpl/{name}-v0, {case}, {len(given)} steps: {rates}")
-    title(f"gymnasium.make with its wrappers: {TURN} random steps in turn, resets included")
-    against_gymnasium(repeats)
-
-
-def against_gymnasium(repeats: int) -> None:
-    """Print steps a second of the reactor, by default and by `ida`, and of Gymnasium's pendulum."""
-    made = {
-        "smpl/Reactor-v0": gymnasium.make("smpl/Reactor-v0"),
-        "smpl/Reactor-v0, ida": gymnasium.make("smpl/Reactor-v0", method="ida"),
-        "Pendulum-v1": gymnasium.make("Pendulum-v1"),
-    }
-    rates: dict[str, list[float]] = {name: [] for name in made}
-    for _ in range(repeats):
-        for name, env in made.items():
-            rates[name].append(TURN / seconds(partial(random_steps, env), 1))
-    found = {name: float(np.median(each)) for name, each in rates.items()}
-    for name, rate in found.items():
-        print(f"  {name:21} {rate:9,.0f} steps/s, {rate / found['Pendulum-v1']:.1f} times Pendulum-v1")
-
-
-def random_steps(env: gymnasium.Env[FloatArray, FloatArray]) -> None:
-    """Random steps from a sampled start; an ended episode is followed by another one."""
-    env.action_space.seed(0)
-    env.reset(seed=0)
-    for _ in range(TURN):
-        _, _, terminated, truncated, _ = env.step(env.action_space.sample())
-        if terminated or truncated:
-            env.reset()
 
 
 def random_actions(env: smpl.Env, steps: int) -> list[FloatArray]:
