@@ -20,6 +20,9 @@ const NEAR: f64 = 2e-12;
 struct Mark {
     time: f64,
     level: Level,
+    /// Distances of the first and the last jump that is one with it.
+    #[serde(default)]
+    reach: (f64, f64),
 }
 
 /// A place at which a delayed value is not smooth.
@@ -31,6 +34,9 @@ struct Break {
     level: Level,
     /// Left behind.
     done: bool,
+    /// As of the mark.
+    #[serde(default)]
+    reach: (f64, f64),
 }
 
 /// Marks and breaks.
@@ -63,43 +69,44 @@ impl Marks {
 
     /// Extent of the next breaks that are left behind together.
     pub(super) fn next_span(&self) -> (f64, f64) {
-        let first = self.next();
-        let mut last = first;
+        let (mut first, mut last) = (self.next(), self.next());
         loop {
             let reach = last + near(last);
-            let further = self.breaks.iter().filter(|b| !b.done && b.time <= reach).map(|b| b.time).fold(last, f64::max);
-            if further <= last {
+            let further = |last: f64, b: &Break| last.max(b.time + b.reach.1);
+            let here = || self.breaks.iter().filter(|b| !b.done && b.time <= reach);
+            first = here().map(|b| b.time + b.reach.0).fold(first, f64::min);
+            let until = here().fold(last, further);
+            if until <= last {
                 return (first, last);
             }
-            last = further;
+            last = until;
         }
     }
 
     /// Breaks in a span of time at which delayed values jump: where each comes from, and how much
     /// later it is.
     pub(super) fn jumps_in(&self, (first, last): (f64, f64)) -> impl Iterator<Item = (f64, f64)> {
-        let here = self.breaks.iter().filter(move |b| !b.done && b.level == 0 && b.time >= first && b.time <= last);
+        let within = move |b: &&Break| b.time + b.reach.1 >= first && b.time + b.reach.0 <= last;
+        let here = self.breaks.iter().filter(move |b| !b.done && b.level == 0 && within(b));
         here.map(|b| (b.source, b.time - b.source))
     }
 
-    /// Notes a place with these distinct dead times behind it. A place near a smoother one replaces
-    /// it.
+    /// Notes a place with these distinct dead times behind it.
     pub(super) fn add(&mut self, time: f64, level: Level, lags: &[f64]) {
         if level > SMOOTHEST {
             return;
         }
         if let Some(mark) = self.marks.iter_mut().rev().find(|mark| (mark.time - time).abs() <= near(time)) {
-            if level < mark.level || level == 0 {
-                let source = std::mem::replace(&mut mark.time, time);
-                mark.level = level;
-                for b in self.breaks.iter_mut().filter(|b| b.source == source) {
-                    *b = Break { time: time + (b.time - source), source: time, level, done: b.done };
-                }
-            }
+            let distance = if level == 0 { time - mark.time } else { 0.0 };
+            mark.level = mark.level.min(level);
+            mark.reach = (mark.reach.0.min(distance), mark.reach.1.max(distance));
+            let Mark { time, level, reach } = *mark;
+            self.breaks.iter_mut().filter(|b| b.source == time).for_each(|b| (b.level, b.reach) = (level, reach));
             return;
         }
-        self.marks.push(Mark { time, level });
-        self.breaks.extend(lags.iter().map(|lag| Break { time: time + lag, source: time, level, done: false }));
+        let reach = (0.0, 0.0);
+        self.marks.push(Mark { time, level, reach });
+        self.breaks.extend(lags.iter().map(|lag| Break { time: time + lag, source: time, level, done: false, reach }));
     }
 
     /// An integration begins at a time: what was noted later is forgotten, and breaks up to there
@@ -122,7 +129,13 @@ impl Marks {
         let reach = time + near(time);
         self.breaks.clear();
         for mark in &self.marks {
-            let of = lags.iter().map(|lag| Break { time: mark.time + lag, source: mark.time, level: mark.level, done: false });
+            let of = lags.iter().map(|lag| Break {
+                time: mark.time + lag,
+                source: mark.time,
+                level: mark.level,
+                done: false,
+                reach: mark.reach,
+            });
             self.breaks.extend(of.filter(|b| b.time > reach));
         }
     }
@@ -166,7 +179,8 @@ mod tests {
         marks.add(3.0, 2, &lags);
         marks.add(3.0 + 1e-12, 0, &lags);
         assert_eq!((marks.marks.len(), marks.breaks.len(), marks.breaks[0].level), (1, 2, 0));
-        assert_eq!((marks.marks[0].time, marks.next()), (3.0 + 1e-12, 4.0 + 1e-12));
+        assert_eq!((marks.marks[0].time, marks.next()), (3.0, 4.0));
+        assert_eq!(marks.next_span().1, 4.0 + (3.0 + 1e-12 - 3.0));
     }
 
     #[test]
