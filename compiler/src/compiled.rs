@@ -9,7 +9,7 @@ use crate::generate::{CompiledFn, Executable, Surroundings};
 use crate::ir::{Builtin, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
-pub use crate::layout::{Memory, Part, Region};
+pub use crate::layout::{FramePart, Memory, Region};
 use crate::model::{Failure, Interface, Model, Quantity, Root, RootAction};
 
 mod call;

@@ -33,7 +33,7 @@ pub struct View<'a> {
 /// A function ready to be interpreted.
 #[derive(Clone, Debug, Default)]
 pub struct Tape {
-    steps: Vec<Step>,
+    steps: Vec<Instruction>,
     registers: usize,
     /// The lists that it looks up, all behind one another; nothing where it looks up none.
     numbers: Box<[f64]>,
@@ -46,10 +46,10 @@ enum Operand {
 }
 
 #[derive(Clone, Debug)]
-enum Step {
+enum Instruction {
     Eval { to: u32, node: Expr, operands: [Operand; 3], source: Option<(Base, Affine)> },
-    Reduce { to: u32, op: ReduceFn, counter: u8, extent: u32, body: Vec<Step>, value: Operand },
-    Loop { counter: u8, extent: u32, body: Vec<Step> },
+    Reduce { to: u32, op: ReduceFn, counter: u8, extent: u32, body: Vec<Instruction>, value: Operand },
+    Loop { counter: u8, extent: u32, body: Vec<Instruction> },
     Store { to: Destination, value: Operand },
 }
 
@@ -101,20 +101,20 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    fn block(&mut self, block: BlockId) -> Vec<Step> {
+    fn block(&mut self, block: BlockId) -> Vec<Instruction> {
         let here = &self.schedule.blocks[block];
-        let mut steps: Vec<Step> = here.items.iter().map(|item| self.item(block, *item)).collect();
+        let mut steps: Vec<Instruction> = here.items.iter().map(|item| self.item(block, *item)).collect();
         for &child in &here.children {
             let Some(counter) = self.schedule.blocks[child].counter else {
                 continue;
             };
             let extent = self.schedule.blocks[child].extent;
-            steps.push(Step::Loop { counter, extent, body: self.block(child) });
+            steps.push(Instruction::Loop { counter, extent, body: self.block(child) });
         }
         steps
     }
 
-    fn item(&mut self, block: BlockId, item: Item) -> Step {
+    fn item(&mut self, block: BlockId, item: Item) -> Instruction {
         match item {
             Item::Eval(expr) => {
                 let node = self.exprs.node(expr);
@@ -127,16 +127,16 @@ impl Recorder<'_> {
                     Expr::Load { var, flavour, at } => self.source(var, flavour, at),
                     _ => None,
                 };
-                Step::Eval { to: self.register(block, expr), node, operands, source }
+                Instruction::Eval { to: self.register(block, expr), node, operands, source }
             }
             Item::Reduce { expr, op, body, block: inner } => {
                 let steps = self.block(inner);
                 let value = self.operand(inner, body);
                 let here = &self.schedule.blocks[inner];
                 let to = self.register(block, expr);
-                Step::Reduce { to, op, counter: here.counter.unwrap_or(0), extent: here.extent, body: steps, value }
+                Instruction::Reduce { to, op, counter: here.counter.unwrap_or(0), extent: here.extent, body: steps, value }
             }
-            Item::Store(store) => Step::Store { to: self.destination(store.target), value: self.operand(block, store.value) },
+            Item::Store(store) => Instruction::Store { to: self.destination(store.target), value: self.operand(block, store.value) },
         }
     }
 
@@ -227,14 +227,14 @@ trait Run {
     fn reduced(op: ReduceFn, first: bool, sum: Self::Number, term: Self::Number) -> Self::Number;
 
     /// Runs steps one after another.
-    fn run(&mut self, steps: &[Step]) {
+    fn run(&mut self, steps: &[Instruction]) {
         for step in steps {
             match step {
-                Step::Eval { to, node, operands, source } => {
+                Instruction::Eval { to, node, operands, source } => {
                     let value = self.eval(*node, operands, *source);
                     self.set(*to, value);
                 }
-                Step::Reduce { to, op, counter, extent, body, value } => {
+                Instruction::Reduce { to, op, counter, extent, body, value } => {
                     let outer = self.counters()[*counter as usize];
                     let mut sum = Self::nothing(*op);
                     for i in 0..*extent {
@@ -245,13 +245,13 @@ trait Run {
                     self.counters()[*counter as usize] = outer;
                     self.set(*to, sum);
                 }
-                Step::Loop { counter, extent, body } => {
+                Instruction::Loop { counter, extent, body } => {
                     for i in 0..*extent {
                         self.counters()[*counter as usize] = i64::from(i);
                         self.run(body);
                     }
                 }
-                Step::Store { to, value } => self.store(*to, *value),
+                Instruction::Store { to, value } => self.store(*to, *value),
             }
         }
     }

@@ -42,16 +42,16 @@ pub enum Region {
     /// Delayed values.
     Delayed,
     /// Copy at the start of the episode.
-    Initial(Part),
+    Initial(FramePart),
     /// Copy at the end of the step before.
-    Previous(Part),
+    Previous(FramePart),
     /// Copy at the steady state.
-    Steady(Part),
+    Steady(FramePart),
 }
 
 /// A part of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Part {
+pub enum FramePart {
     /// All unknowns.
     Y,
     /// Actions.
@@ -78,7 +78,7 @@ const REGIONS: usize = SIMPLE.len() + 3 * PARTS;
 
 impl Region {
     fn index(self) -> usize {
-        let frame = |number: usize, part: Part| SIMPLE.len() + number * PARTS + part as usize;
+        let frame = |number: usize, part: FramePart| SIMPLE.len() + number * PARTS + part as usize;
         match self {
             Region::Builtin => 0,
             Region::Param => 1,
@@ -266,17 +266,17 @@ impl Layout {
         let (role, _) = self.roles[var]?;
         let offset = self.offsets[var]?;
         let part = match role {
-            Role::State | Role::Algebraic => Some(Part::Y),
-            Role::Action => Some(Part::Action),
-            Role::Discrete => Some(Part::Discrete),
-            Role::Disturbance => Some(Part::Disturbance),
+            Role::State | Role::Algebraic => Some(FramePart::Y),
+            Role::Action => Some(FramePart::Action),
+            Role::Discrete => Some(FramePart::Discrete),
+            Role::Disturbance => Some(FramePart::Disturbance),
             _ => None,
         };
         let start = match (flavour, part) {
-            (Flavour::Value, Some(Part::Y)) => {
+            (Flavour::Value, Some(FramePart::Y)) => {
                 return Some(Address { base: Base::Y, offset });
             }
-            (Flavour::Derivative, Some(Part::Y)) => {
+            (Flavour::Derivative, Some(FramePart::Y)) => {
                 return Some(Address { base: Base::Yp, offset });
             }
             (Flavour::Derivative, _) => return None,

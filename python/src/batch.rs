@@ -35,7 +35,7 @@ type InfoArrays<'py> = (
 );
 /// Ended episodes, with their last observations and infos.
 type Final<'py> = (Flags<'py>, Observations<'py>, InfoArrays<'py>);
-type Step<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
+type BatchStepReturn<'py> = (Observations<'py>, Vector<'py>, Flags<'py>, Flags<'py>, InfoArrays<'py>, Option<Final<'py>>);
 
 /// Environments of one model, stepped together by threads.
 #[pyclass(frozen, module = "smpl._native")]
@@ -131,7 +131,7 @@ impl Batch {
     }
 
     /// Takes a step in every environment.
-    fn step<'py>(&self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<Step<'py>> {
+    fn step<'py>(&self, py: Python<'py>, actions: PyReadonlyArray2<'py, f64>) -> PyResult<BatchStepReturn<'py>> {
         let mut inner = self.inner.enter()?;
         let Inner { batch, actions: own } = &mut *inner;
         let count = batch.len();

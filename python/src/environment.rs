@@ -19,7 +19,7 @@ use crate::snapshot::Snapshot;
 use crate::start::Start;
 
 type Observation<'py> = Bound<'py, PyArray1<f32>>;
-type Step<'py> = (Observation<'py>, f64, bool, bool, Bound<'py, PyDict>);
+type StepReturn<'py> = (Observation<'py>, f64, bool, bool, Bound<'py, PyDict>);
 
 /// One environment.
 #[pyclass(frozen, module = "smpl._native")]
@@ -70,7 +70,7 @@ impl Env {
 
     /// Takes a step; raises `TypeError` without a step if the action is not a plain vector of
     /// single- or double-precision numbers.
-    fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
+    fn step<'py>(&self, py: Python<'py>, action: &Bound<'py, PyAny>) -> PyResult<StepReturn<'py>> {
         let mut inner = self.inner.enter()?;
         let Inner { environment, keys, normalisation, action: values } = &mut *inner;
         match action.cast_exact::<PyArray1<f32>>() {

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::Variate;
 use smpl_runtime::catalogue::{Catalogue, check_parameters};
 use smpl_runtime::linearize::{self, Linearization};
@@ -210,7 +210,7 @@ impl Equations {
 
     /// The model's steady state where it has one, else its declared values.
     fn first_guess(&self) -> Vec<f64> {
-        let steady = self.nominal.region(Region::Steady(Part::Y));
+        let steady = self.nominal.region(Region::Steady(FramePart::Y));
         if self.nominal.model().interface().steady.is_some() && steady.iter().all(|x| x.is_finite()) {
             steady.to_vec()
         } else {

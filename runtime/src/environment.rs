@@ -25,7 +25,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use smpl_compiler::ir::Builtin;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::Interface;
 
 pub use history::History;
@@ -222,7 +222,7 @@ impl Environment {
         } else {
             // Nothing can be integrated with an infinite input; state and time stay.
             self.stop_at(self.time());
-            interval::Outcome::NotRun
+            interval::IntervalEnd::NotRun
         };
         if self.was_interrupted(outcome) {
             self.take_back();
@@ -231,14 +231,14 @@ impl Environment {
         Ok(self.judge(outcome, excess))
     }
 
-    fn was_interrupted(&self, outcome: interval::Outcome) -> bool {
-        outcome == interval::Outcome::Solver && self.progress.verdict.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
+    fn was_interrupted(&self, outcome: interval::IntervalEnd) -> bool {
+        outcome == interval::IntervalEnd::Solver && self.progress.verdict.solver_failure.is_some_and(|f| f.cause == Cause::Interrupted)
     }
 
     /// Undoes the changes of an interrupted step other than those of the state.
     fn take_back(&mut self) {
         self.progress.verdict.solver_failure = None;
-        for (part, present) in [(Part::Action, Region::Action), (Part::Disturbance, Region::Disturbance)] {
+        for (part, present) in [(FramePart::Action, Region::Action), (FramePart::Disturbance, Region::Disturbance)] {
             self.system.copy(Region::Previous(part), present);
         }
         let (model, memory) = self.system.parts();
@@ -470,7 +470,7 @@ impl Environment {
     /// The steady state of the episode's parameters, in the order of `y`.
     #[must_use]
     pub fn steady_state(&self) -> &[f64] {
-        self.system.region(Region::Steady(Part::Y))
+        self.system.region(Region::Steady(FramePart::Y))
     }
 
     /// Work done since the last reset, the last step included.

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use smpl_compiler::artefact;
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Expr, Flavour, Place, Role, VarId};
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
@@ -217,7 +217,10 @@ impl Setup {
         let catalogue = Catalogue::new(&model);
         let interface = model.interface();
         let asked = options.solver.over(&interface.solver);
-        let mut settings = solver_settings(model.unknowns(), &catalogue, &asked)?;
+        if let Some((what, expected, value)) = options.solver.bad_value() {
+            return Err(SetupError::Value { what: what.into(), expected, value });
+        }
+        let mut settings = solver_settings(model.unknowns(), &catalogue, &asked);
         // Rates jump within their own tolerance where the order changes: a test of what follows
         // them would shorten steps without end.
         settings.algebraic_are_watched = model.algebraic_are_watched() && !algebraics_read_rates(&model);
@@ -323,13 +326,13 @@ impl Setup {
     /// The steady state that belongs to parameters at their means: unknowns in the order of `y`.
     #[must_use]
     pub fn steady_state(&self) -> &[f64] {
-        self.system.region(Region::Steady(Part::Y))
+        self.system.region(Region::Steady(FramePart::Y))
     }
 
     /// The actions of that steady state.
     #[must_use]
     pub fn steady_action(&self) -> &[f64] {
-        self.system.region(Region::Steady(Part::Action))
+        self.system.region(Region::Steady(FramePart::Action))
     }
 
     /// Reason why the model has no steady state with parameters at their means although it declares
@@ -395,21 +398,7 @@ pub(crate) fn set_parameters(system: &mut CompiledSystem, given: &[(usize, f64)]
     model.prepare_parameters(memory);
 }
 
-fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Result<Settings, SetupError> {
-    let positive = |what: &str, value: f64, holds: bool| {
-        if holds {
-            return Ok(());
-        }
-        Err(SetupError::Value { what: what.into(), expected: "a positive number", value: value.to_string() })
-    };
-    for (what, rtol) in [("rtol", Some(asked.rtol)), ("one_step_rtol", asked.one_step_rtol)] {
-        if let Some(value) = rtol.filter(|rtol| !Solver::RTOL.contains(rtol)) {
-            return Err(SetupError::Value { what: what.into(), expected: Solver::RTOL_TEXT, value: value.to_string() });
-        }
-    }
-    positive("atol_factor", asked.atol_factor, asked.atol_factor.is_finite() && asked.atol_factor > 0.0)?;
-    // An infinite one bounds nothing.
-    positive("max_step", asked.max_step, asked.max_step > 0.0)?;
+fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Settings {
     let (rtol, factor) = (asked.safety * asked.rtol, asked.atol_factor);
     let mut atol = vec![factor * rtol; unknowns];
     for element in catalogue.states.elements().iter().chain(catalogue.solved.elements()) {
@@ -428,7 +417,7 @@ fn solver_settings(unknowns: usize, catalogue: &Catalogue, asked: &Solver) -> Re
     if asked.quadrature_error_control {
         settings.quadratures = Quadratures::Checked { rtol, atol: factor * rtol };
     }
-    Ok(settings)
+    settings
 }
 
 /// A method that does not take the model is refused with the name of what it does not take.

@@ -20,7 +20,7 @@ use blocks::Block;
 pub use choice::{Conflict, Freed};
 use problem::Problem;
 pub use report::{StartEquation, StartFailure, StartUnknown};
-use search::{Outcome, Search};
+use search::{Search, SearchEnd};
 use smpl_dsl::diagnostic::SourceMap;
 pub use trail::Tried;
 
@@ -82,9 +82,9 @@ pub(crate) fn solve(system: &mut CompiledSystem, context: Context<'_>, sought: S
     for (number, block) in blocks.iter().enumerate() {
         let mut search = Search::new(&mut problem, block, &mut pace);
         match search.run(y) {
-            Outcome::Solved => {}
-            Outcome::Interrupted => return Err(StartError::Interrupted),
-            Outcome::Failed(trail) => {
+            SearchEnd::Solved => {}
+            SearchEnd::Interrupted => return Err(StartError::Interrupted),
+            SearchEnd::Failed(trail) => {
                 let failure = report::failure(&mut problem, block, (number + 1, blocks.len()), (&guess, y), trail);
                 return Err(StartError::Block(Box::new(failure)));
             }

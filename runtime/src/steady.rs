@@ -24,7 +24,7 @@ mod newton;
 mod problem;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 
 use crate::catalogue::{Catalogue, Element};
 use crate::linearize::rates_at;
@@ -45,7 +45,7 @@ const MAX_ROUNDS: u32 = 100;
 /// Change of a discrete variable, relative to its value and scale, that counts as none.
 const SETTLED: f64 = 1e-14;
 /// Content of a frame.
-const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
+const PARTS: [FramePart; 4] = [FramePart::Y, FramePart::Action, FramePart::Discrete, FramePart::Disturbance];
 
 /// Accuracy of a steady state.
 #[derive(Clone, Copy, Debug, PartialEq)]

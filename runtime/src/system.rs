@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use smpl_compiler::compiled::{CompiledModel, WatchKind, WatchRole};
 use smpl_compiler::ir::{Expr, ExprId, Flavour};
-use smpl_compiler::layout::{Memory, Part, Region};
+use smpl_compiler::layout::{FramePart, Memory, Region};
 use smpl_compiler::model::{Root, RootAction};
 
 use crate::catalogue::{Catalogue, Element};
@@ -209,16 +209,16 @@ impl CompiledSystem {
 
     /// Keeps the present unknowns, actions, discrete variables and disturbances as those of another
     /// instant.
-    pub fn keep(&mut self, y: &[f64], instant: fn(Part) -> Region) {
-        self.memory.region_mut(instant(Part::Y)).copy_from_slice(y);
+    pub fn keep(&mut self, y: &[f64], instant: fn(FramePart) -> Region) {
+        self.memory.region_mut(instant(FramePart::Y)).copy_from_slice(y);
         for (part, present) in PRESENT {
             self.copy(present, instant(part));
         }
     }
 
     /// Exchanges the present actions and disturbances with those of another instant.
-    pub(crate) fn exchange_inputs(&mut self, instant: fn(Part) -> Region) {
-        for (part, present) in PRESENT.into_iter().filter(|(part, _)| *part != Part::Discrete) {
+    pub(crate) fn exchange_inputs(&mut self, instant: fn(FramePart) -> Region) {
+        for (part, present) in PRESENT.into_iter().filter(|(part, _)| *part != FramePart::Discrete) {
             for i in 0..self.memory.region(present).len() {
                 let value = self.memory.region(present)[i];
                 self.memory.region_mut(present)[i] = std::mem::replace(&mut self.memory.region_mut(instant(part))[i], value);
@@ -291,8 +291,8 @@ fn root_kind(kind: &WatchKind, roots: &[Root]) -> RootKind {
 }
 
 /// The present values that a frame keeps in addition to `y`.
-const PRESENT: [(Part, Region); 3] =
-    [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)];
+const PRESENT: [(FramePart, Region); 3] =
+    [(FramePart::Action, Region::Action), (FramePart::Discrete, Region::Discrete), (FramePart::Disturbance, Region::Disturbance)];
 
 /// Fills the delayed values, where there are any.
 #[inline]

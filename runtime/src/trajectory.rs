@@ -26,7 +26,7 @@ fn is_parquet(path: &Path) -> bool {
 
 /// Kind of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnType {
     /// Whole numbers.
     Integer,
     /// Whole numbers up to 2^64 - 1.
@@ -59,7 +59,7 @@ pub enum Cell {
 /// A table in memory, row after row.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    columns: Vec<(String, Kind)>,
+    columns: Vec<(String, ColumnType)>,
     cells: Vec<Cell>,
     texts: Vec<String>,
 }
@@ -67,7 +67,7 @@ pub struct Table {
 impl Table {
     /// An empty table with these columns.
     #[must_use]
-    pub fn new(columns: Vec<(String, Kind)>) -> Self {
+    pub fn new(columns: Vec<(String, ColumnType)>) -> Self {
         Self { columns, cells: Vec::new(), texts: Vec::new() }
     }
 
@@ -75,8 +75,8 @@ impl Table {
     /// are those of the first table; a table that lacks one has empty cells there.
     #[must_use]
     pub fn together(column: &str, tables: &[(&str, &Table)]) -> Self {
-        let columns: Vec<(String, Kind)> = tables.first().map_or_else(Vec::new, |(_, table)| table.columns.clone());
-        let mut out = Self::new([(column.to_owned(), Kind::Text)].into_iter().chain(columns.iter().cloned()).collect());
+        let columns: Vec<(String, ColumnType)> = tables.first().map_or_else(Vec::new, |(_, table)| table.columns.clone());
+        let mut out = Self::new([(column.to_owned(), ColumnType::Text)].into_iter().chain(columns.iter().cloned()).collect());
         for (label, table) in tables {
             let label = out.text(label);
             let places: Vec<Option<usize>> = columns.iter().map(|(name, _)| table.columns.iter().position(|(n, _)| n == name)).collect();
@@ -97,7 +97,7 @@ impl Table {
 
     /// Names and kinds of the columns.
     #[must_use]
-    pub fn columns(&self) -> &[(String, Kind)] {
+    pub fn columns(&self) -> &[(String, ColumnType)] {
         &self.columns
     }
 

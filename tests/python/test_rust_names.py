@@ -10,10 +10,6 @@ CRATES = ["dsl", "compiler", "compiler/analysis", "runtime", "runtime/tools", "p
 # Names that four types or more have, with their number, which only falls: a type that would raise it needs a name that
 # says more.
 HOMONYMS = {
-    "Kind": 10,
-    "Outcome": 9,
-    "Part": 9,
-    "Step": 8,
     "Block": 6,
     "Given": 6,
     "Line": 6,
@@ -33,7 +29,6 @@ HOMONYMS = {
     "Target": 5,
     "Writer": 5,
     "Body": 4,
-    "Bounds": 4,
     "Columns": 4,
     "Element": 4,
     "End": 4,
@@ -44,7 +39,6 @@ HOMONYMS = {
     "Key": 4,
     "Known": 4,
     "Member": 4,
-    "Nodes": 4,
     "Pace": 4,
     "Parts": 4,
     "Phase": 4,

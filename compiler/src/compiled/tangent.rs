@@ -20,7 +20,7 @@ use crate::schedule::{Access, Staged};
 
 /// Programs that run on values with derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum TangentProgram {
     /// Computed parameters (in place).
     Parameters,
     /// Initial values of discrete variables and disturbances (in place).
@@ -108,14 +108,14 @@ impl CompiledModel {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn tangent(&self, part: Part, view: &mut TangentView<'_>) -> Result<(), &BackEndError> {
+    pub fn tangent(&self, part: TangentProgram, view: &mut TangentView<'_>) -> Result<(), &BackEndError> {
         view.tables = &[];
         let tape = match part {
-            Part::Parameters => &self.tapes.parameters,
-            Part::InitialDiscretes => &self.tapes.initial_discretes,
-            Part::Steady => &self.tapes.steady,
-            Part::Before => &self.tapes.before,
-            Part::Event(index) => &self.tapes.events[index as usize],
+            TangentProgram::Parameters => &self.tapes.parameters,
+            TangentProgram::InitialDiscretes => &self.tapes.initial_discretes,
+            TangentProgram::Steady => &self.tapes.steady,
+            TangentProgram::Before => &self.tapes.before,
+            TangentProgram::Event(index) => &self.tapes.events[index as usize],
             part => self.later.tapes[place(part)].get_or_init(|| self.make_tape(part)).as_ref()?,
         };
         let mut view = TangentView {
@@ -131,7 +131,7 @@ impl CompiledModel {
         Ok(())
     }
 
-    fn make_tape(&self, part: Part) -> Result<Tape, BackEndError> {
+    fn make_tape(&self, part: TangentProgram) -> Result<Tape, BackEndError> {
         let model = &self.parts.model;
         let programs = &model.programs;
         let program = |name, program, yp, out| {
@@ -143,30 +143,30 @@ impl CompiledModel {
             Ok(Tape::new(&Staged::of_numbers(values), &model.exprs, &self.layout, Access { name, y: true, yp: true, out })?)
         };
         match part {
-            Part::Disturb => program("disturb", &programs.disturb, false, 0),
-            Part::Start => program("start", &programs.start, false, 0),
-            Part::End => program("end", &programs.end, false, 0),
-            Part::Finish => program("finish", &programs.finish, true, self.finish_len()),
-            Part::Outputs => {
+            TangentProgram::Disturb => program("disturb", &programs.disturb, false, 0),
+            TangentProgram::Start => program("start", &programs.start, false, 0),
+            TangentProgram::End => program("end", &programs.end, false, 0),
+            TangentProgram::Finish => program("finish", &programs.finish, true, self.finish_len()),
+            TangentProgram::Outputs => {
                 program("outputs", &programs.outputs, true, crate::functions::elements(&model.interface.quantities.algebraics))
             }
-            Part::Roots => {
+            TangentProgram::Roots => {
                 let watched = &self.parts.watched;
                 let access = Access { name: "roots", y: true, yp: true, out: watched.kinds.len() };
                 Ok(Tape::new(&Staged::of_lists(watched.roots(model)), &model.exprs, &self.layout, access)?)
             }
-            Part::Quadratures => numbers("quadratures", model.quadratures.clone()),
-            Part::Delayed => program("delayed", &programs.delayed, true, model.delayed()),
-            Part::Lags => program("lags", &programs.lags, true, model.delayed()),
+            TangentProgram::Quadratures => numbers("quadratures", model.quadratures.clone()),
+            TangentProgram::Delayed => program("delayed", &programs.delayed, true, model.delayed()),
+            TangentProgram::Lags => program("lags", &programs.lags, true, model.delayed()),
             _ => self.make_equations(part),
         }
     }
 
     /// Rows and breaks, for which the equations are worked out anew.
-    fn make_equations(&self, part: Part) -> Result<Tape, BackEndError> {
+    fn make_equations(&self, part: TangentProgram) -> Result<Tape, BackEndError> {
         let mut model = self.parts.model.clone();
         let rows = differentiate::rows(&mut model)?;
-        let (staged, out) = if part == Part::Rows {
+        let (staged, out) = if part == TangentProgram::Rows {
             (Staged::of_rows(&rows), self.unknowns())
         } else {
             (Staged::of_lists(explicit_time::collect(&mut model, &rows).breaks), self.breaks())
@@ -339,19 +339,19 @@ fn known<By>(
 }
 
 /// Place of a tape.
-fn place(part: Part) -> usize {
+fn place(part: TangentProgram) -> usize {
     let all = [
-        Part::Disturb,
-        Part::Start,
-        Part::End,
-        Part::Finish,
-        Part::Outputs,
-        Part::Roots,
-        Part::Quadratures,
-        Part::Rows,
-        Part::Breaks,
-        Part::Delayed,
-        Part::Lags,
+        TangentProgram::Disturb,
+        TangentProgram::Start,
+        TangentProgram::End,
+        TangentProgram::Finish,
+        TangentProgram::Outputs,
+        TangentProgram::Roots,
+        TangentProgram::Quadratures,
+        TangentProgram::Rows,
+        TangentProgram::Breaks,
+        TangentProgram::Delayed,
+        TangentProgram::Lags,
     ];
     all.iter().position(|&p| p == part).unwrap_or(0)
 }

@@ -59,7 +59,7 @@ pub(super) enum Op {
 
 /// Operations of a function, in order.
 #[derive(Clone, Debug)]
-pub(super) enum Step {
+pub(super) enum ArrayOperation {
     Define(Id),
     /// Stores a value, spread over all loops.
     Store {
@@ -74,7 +74,7 @@ pub(super) enum Step {
 #[derive(Default)]
 pub(super) struct Arrays {
     pub values: Vec<Value>,
-    pub steps: Vec<Step>,
+    pub steps: Vec<ArrayOperation>,
     known: FastMap<(ExprId, Extents), Id>,
 }
 
@@ -110,7 +110,7 @@ impl Arrays {
         }
         for Store { array, positions, value, .. } in &nest.stores {
             let value = self.of(sheet, *value, around);
-            self.steps.push(Step::Store { array: *array, loops: nest.loops.clone(), positions: positions.clone(), value });
+            self.steps.push(ArrayOperation::Store { array: *array, loops: nest.loops.clone(), positions: positions.clone(), value });
         }
         if in_place {
             // What has been read may have changed.
@@ -175,7 +175,7 @@ impl Arrays {
         let axes = axes(sheet, expr, around);
         let truth = sheet.model.exprs.is_truth(expr);
         self.known.insert((expr, axes), self.values.len());
-        self.steps.push(Step::Define(self.values.len()));
+        self.steps.push(ArrayOperation::Define(self.values.len()));
         self.values.push(Value { op, axes, truth });
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::rc::Rc;
 
-use super::arrays::{Arrays, Id, Op, Step, loops};
+use super::arrays::{ArrayOperation, Arrays, Id, Op, loops};
 use super::functions::spread;
 use super::sheet::{Array, Extents, Loops};
 use super::spelling::Spellings;
@@ -109,8 +109,8 @@ impl<'a> Body<'a> {
     pub(super) fn print(mut self, length: Option<usize>) -> String {
         for step in &self.arrays.steps {
             match step {
-                Step::Define(id) => self.define(*id),
-                Step::Store { array, loops, positions, value } => self.store(*array, loops, positions, *value),
+                ArrayOperation::Define(id) => self.define(*id),
+                ArrayOperation::Store { array, loops, positions, value } => self.store(*array, loops, positions, *value),
             }
         }
         if let Some(length) = length {

@@ -6,7 +6,7 @@ use cranelift_codegen::isa::TargetIsa;
 use cranelift_frontend::FunctionBuilder;
 
 use super::emitter::{Arguments, Emitter, Input};
-use super::plan::{Part, Piece, Plan};
+use super::plan::{Piece, Plan, ScheduleSlice};
 use super::{memory, wide};
 use crate::ir::Exprs;
 use crate::layout::Layout;
@@ -54,7 +54,7 @@ fn has_rounding(isa: &dyn TargetIsa) -> bool {
 
 impl Emitter<'_> {
     /// Writes items and loops of a part of a function.
-    fn outside(&mut self, part: &Part) {
+    fn outside(&mut self, part: &ScheduleSlice) {
         for i in part.items.clone() {
             let item = self.input.schedule.blocks[0].items[i];
             self.item(0, item);

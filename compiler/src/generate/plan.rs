@@ -26,7 +26,7 @@ pub(crate) struct Plan {
 
 /// Unit of generation.
 pub(crate) struct Piece {
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<ScheduleSlice>,
     /// All of it is long, and straight or in loops of lanes: there is nothing for Cranelift's
     /// mid-end to move.
     pub(super) lean: bool,
@@ -35,7 +35,7 @@ pub(crate) struct Piece {
 
 /// A part of a schedule.
 #[derive(Clone)]
-pub(super) struct Part {
+pub(super) struct ScheduleSlice {
     pub(super) schedule: usize,
     /// Items outside of loops.
     pub(super) items: Range<usize>,
@@ -49,7 +49,7 @@ impl Plan {
         let piece = if size > 3 * PIECE / 2 { PIECE } else { usize::MAX };
         let segments = |schedule: &Schedule| if in_place { Segments::default() } else { Segments::new(schedule, exprs, piece) };
         let schedules: Vec<_> = schedules.into_iter().map(|schedule| (segments(&schedule), schedule)).map(|(a, b)| (b, a)).collect();
-        let mut pieces: Vec<Vec<Part>> = vec![vec![]];
+        let mut pieces: Vec<Vec<ScheduleSlice>> = vec![vec![]];
         for (i, (schedule, segments)) in schedules.iter().enumerate() {
             for part in parts(i, schedule, segments, piece) {
                 let alone = piece < usize::MAX && size_of(schedule, &part) >= LONG;
@@ -60,7 +60,7 @@ impl Plan {
                 }
             }
         }
-        let piece = |parts: Vec<Part>| Piece {
+        let piece = |parts: Vec<ScheduleSlice>| Piece {
             lean: !in_place && parts.iter().all(|p| is_lean(&schedules[p.schedule].0, p)),
             size: parts.iter().map(|p| size_of(&schedules[p.schedule].0, p)).sum(),
             parts,
@@ -85,15 +85,15 @@ impl Piece {
 }
 
 /// The parts of a schedule: its straight code cut at pieces, then its loops.
-fn parts(number: usize, schedule: &Schedule, segments: &Segments, piece: usize) -> Vec<Part> {
+fn parts(number: usize, schedule: &Schedule, segments: &Segments, piece: usize) -> Vec<ScheduleSlice> {
     let root = &schedule.blocks[0];
     if piece == usize::MAX || !segments.is_active() {
-        return vec![Part { schedule: number, items: 0..root.items.len(), loops: root.children.clone() }];
+        return vec![ScheduleSlice { schedule: number, items: 0..root.items.len(), loops: root.children.clone() }];
     }
     let ends: Vec<usize> = segments.pieces().iter().map(|end| end + 1).chain([root.items.len()]).collect();
     let starts = std::iter::once(0).chain(ends.iter().copied());
-    let straight = starts.zip(&ends).map(|(start, &end)| Part { schedule: number, items: start..end, loops: vec![] });
-    let loops = root.children.iter().map(|&child| Part { schedule: number, items: 0..0, loops: vec![child] });
+    let straight = starts.zip(&ends).map(|(start, &end)| ScheduleSlice { schedule: number, items: start..end, loops: vec![] });
+    let loops = root.children.iter().map(|&child| ScheduleSlice { schedule: number, items: 0..0, loops: vec![child] });
     straight.chain(loops).collect()
 }
 
@@ -101,14 +101,14 @@ fn items(schedule: &Schedule) -> usize {
     schedule.blocks.iter().map(|block| block.items.len()).sum()
 }
 
-fn size_of(schedule: &Schedule, part: &Part) -> usize {
+fn size_of(schedule: &Schedule, part: &ScheduleSlice) -> usize {
     let mut size = part.items.len();
     part.loops.iter().for_each(|&block| schedule.each_item(block, &mut |_, _| size += 1));
     size
 }
 
 /// Returns `true` if there is only long code, straight or in loops of lanes.
-fn is_lean(schedule: &Schedule, part: &Part) -> bool {
+fn is_lean(schedule: &Schedule, part: &ScheduleSlice) -> bool {
     let has_reduction = |items: &[Item]| items.iter().any(|item| matches!(item, Item::Reduce { .. }));
     let straight = &schedule.blocks[0].items[part.items.clone()];
     let is_long = |items: &[Item]| items.is_empty() || items.len() >= LONG && !has_reduction(items);

@@ -32,10 +32,10 @@ pub(super) struct Residence {
 #[derive(Default)]
 pub(super) struct Course {
     uses: Vec<ExprId>,
-    steps: Vec<Step>,
+    steps: Vec<ItemUses>,
 }
 
-struct Step {
+struct ItemUses {
     /// Number of the item in its block.
     item: u32,
     /// End of its uses.
@@ -53,7 +53,7 @@ struct Resident {
 impl Course {
     /// Appends an item whose uses were noted by [`Course::uses`].
     pub(super) fn step(&mut self, item: usize, result: Option<ExprId>) {
-        self.steps.push(Step { item: item as u32, end: self.uses.len() as u32, result });
+        self.steps.push(ItemUses { item: item as u32, end: self.uses.len() as u32, result });
     }
 
     /// Notes a use of the item to come.

@@ -33,8 +33,8 @@ macro_rules! lists {
 
             pub(in crate::json) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<$type>, D::Error> {
                 #[derive(Deserialize)]
-                struct Found(#[serde(with = $form)] $type);
-                Ok(Vec::<Found>::deserialize(deserializer)?.into_iter().map(|found| found.0).collect())
+                struct ReadItem(#[serde(with = $form)] $type);
+                Ok(Vec::<ReadItem>::deserialize(deserializer)?.into_iter().map(|item| item.0).collect())
             }
         }
     )*};

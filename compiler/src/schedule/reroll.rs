@@ -70,7 +70,7 @@ fn shared(mut staged: Staged, exprs: &mut Exprs) -> Staged {
 
 /// The stores as loops where they are runs, one by one elsewhere.
 fn loops(stores: &[Store], exprs: &mut Exprs) -> Vec<Nest> {
-    let kinds: Vec<[Kind; 3]> = stores.iter().map(|store| kinds(exprs, store.value)).collect();
+    let kinds: Vec<[NodeKind; 3]> = stores.iter().map(|store| kinds(exprs, store.value)).collect();
     let alike = |i: usize| i + 1 < kinds.len() && kinds[i] == kinds[i + 1];
     // What differs from both of its neighbours at first sight is in no run.
     let shape = |i: usize| (alike(i) || i > 0 && alike(i - 1)).then(|| shape(exprs, stores[i])).flatten();
@@ -95,10 +95,10 @@ fn loops(stores: &[Store], exprs: &mut Exprs) -> Vec<Nest> {
 }
 
 /// Operation of a node.
-type Kind = Option<std::mem::Discriminant<Expr>>;
+type NodeKind = Option<std::mem::Discriminant<Expr>>;
 
 /// The operation of a node and of its first two operands.
-fn kinds(exprs: &Exprs, value: ExprId) -> [Kind; 3] {
+fn kinds(exprs: &Exprs, value: ExprId) -> [NodeKind; 3] {
     let kind = |e: ExprId| std::mem::discriminant(&exprs.node(e));
     let mut operands = exprs.operands(value);
     [Some(kind(value)), operands.next().map(kind), operands.next().map(kind)]

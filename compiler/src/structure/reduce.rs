@@ -32,7 +32,7 @@ use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
 use crate::ir::{ExprId, FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
-use demote::{Outcome, Settled, settle};
+use demote::{Settled, SettledConstraints, settle};
 use jumps::Jump;
 use pantelides::{Refused, System};
 use slopes::{NoSlope, Slopes, replace_rates};
@@ -88,7 +88,7 @@ fn attempt(model: &Model, equations: &[Equation], plan: &Plan, unroll: bool) -> 
         return Err(explained(&model, &system, refused));
     }
     let wishes = wishes(&model, &equations);
-    let Outcome { settled, groups } = settle(&mut model, &system, &wishes).ok_or(None)?;
+    let SettledConstraints { settled, groups } = settle(&mut model, &system, &wishes).ok_or(None)?;
     if let Some(fault) = set_although_determined(&model, &settled) {
         return Err(Some(fault));
     }

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test needs some of it")]
 
 use smpl_compiler::compile::flatten;
-use smpl_compiler::compiled::{BackEndSettings, CompiledModel, Memory, Part, Region};
+use smpl_compiler::compiled::{BackEndSettings, CompiledModel, FramePart, Memory, Region};
 use smpl_compiler::elaborate::Options;
 use smpl_compiler::model::{Model, Quantity};
 use smpl_dsl::diagnostic::SourceMap;
@@ -162,8 +162,8 @@ impl Running {
     }
 
     /// Sets all unknowns of a frame.
-    pub fn set_frame(&mut self, frame: fn(Part) -> Region, values: &[f64]) {
-        self.memory.region_mut(frame(Part::Y)).copy_from_slice(values);
+    pub fn set_frame(&mut self, frame: fn(FramePart) -> Region, values: &[f64]) {
+        self.memory.region_mut(frame(FramePart::Y)).copy_from_slice(values);
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod table;
 
-use super::tokens::{Kind, Token};
+use super::tokens::{Token, TokenKind};
 use super::{GAP, render};
 use crate::words::keywords;
 
@@ -158,7 +158,7 @@ fn flush(group: &mut Vec<Line>, lines: &mut Vec<String>) {
 /// `source` is its text unchanged.
 pub(super) fn line(tokens: &[Token<'_>], source: &str, indent: usize, padding: usize) -> Line {
     let keyword = tokens.first().map_or("", |token| token.text);
-    let broken = tokens.iter().skip(1).any(|token| token.newline_before || token.kind == Kind::Comment);
+    let broken = tokens.iter().skip(1).any(|token| token.newline_before || token.kind == TokenKind::Comment);
     if broken && keyword == "table" {
         return Line::plain(table::aligned(render::lines(tokens, indent, padding), source));
     }
@@ -199,8 +199,8 @@ fn cells(keyword: &str, tokens: &[Token<'_>]) -> Vec<Cell> {
     let clause = if matches!(keyword, "eq" | "initial" | "next" | "reset") { clause(tokens) } else { None };
     for (index, token) in tokens.iter().enumerate() {
         match token.text {
-            "(" | "[" | "{" if token.kind == Kind::Symbol => depth += 1,
-            ")" | "]" | "}" if token.kind == Kind::Symbol => depth = depth.saturating_sub(1),
+            "(" | "[" | "{" if token.kind == TokenKind::Symbol => depth += 1,
+            ")" | "]" | "}" if token.kind == TokenKind::Symbol => depth = depth.saturating_sub(1),
             _ => {}
         }
         if depth > 0 || index == 0 {
@@ -241,7 +241,7 @@ fn cell(slot: usize, tokens: &[Token<'_>]) -> Cell {
 /// Returns `true` if something that a clause may follow ends here: behind an operator its word is a
 /// name.
 fn ends_operand(token: &Token<'_>) -> bool {
-    matches!(token.kind, Kind::Word | Kind::Number | Kind::Text) || matches!(token.text, ")" | "]" | "}")
+    matches!(token.kind, TokenKind::Word | TokenKind::Number | TokenKind::Text) || matches!(token.text, ")" | "]" | "}")
 }
 
 /// Start of the clause `for` of the whole statement.
@@ -249,18 +249,18 @@ fn clause(tokens: &[Token<'_>]) -> Option<usize> {
     let mut depth = 0_usize;
     tokens.iter().position(|token| {
         match (token.kind, token.text) {
-            (Kind::Symbol, "(" | "[" | "{") => depth += 1,
-            (Kind::Symbol, ")" | "]" | "}") => depth = depth.saturating_sub(1),
+            (TokenKind::Symbol, "(" | "[" | "{") => depth += 1,
+            (TokenKind::Symbol, ")" | "]" | "}") => depth = depth.saturating_sub(1),
             _ => {}
         }
-        depth == 0 && token.kind == Kind::Word && token.text == "for"
+        depth == 0 && token.kind == TokenKind::Word && token.text == "for"
     })
 }
 
 /// The column that a token begins, by the kind of statement.
 fn column(keyword: &str, token: &Token<'_>, colons: usize) -> Option<usize> {
     let text = token.text;
-    if token.kind == Kind::Text {
+    if token.kind == TokenKind::Text {
         let heading = matches!(keyword, "model" | "use" | "component" | "variant" | "level" | "policy" | "table" | "test");
         return (!heading).then_some(TEXT);
     }

@@ -1,6 +1,6 @@
 //! Lines of one statement: blanks between tokens, the author's line breaks, indentation.
 
-use super::tokens::{Kind, Token, spaced};
+use super::tokens::{Token, TokenKind, spaced};
 use super::{GAP, INDENT};
 
 /// An open bracket.
@@ -69,9 +69,9 @@ pub(super) fn inline(tokens: &[Token<'_>]) -> String {
         }
         text.push_str(token.text);
         match (token.kind, token.text) {
-            (Kind::Symbol, "(" | "[") => open.push(false),
-            (Kind::Symbol, "{") => open.push(index > 0 && tokens[index - 1].text == "="),
-            (Kind::Symbol, ")" | "]" | "}") => {
+            (TokenKind::Symbol, "(" | "[") => open.push(false),
+            (TokenKind::Symbol, "{") => open.push(index > 0 && tokens[index - 1].text == "="),
+            (TokenKind::Symbol, ")" | "]" | "}") => {
                 open.pop();
             }
             _ => {}
@@ -87,7 +87,7 @@ fn is_reaction(tokens: &[Token<'_>]) -> bool {
 
 impl Writer {
     fn write(&mut self, previous: Option<&Token<'_>>, token: &Token<'_>, next: Option<&Token<'_>>, second: bool) {
-        let after_comment = previous.is_some_and(|previous| previous.kind == Kind::Comment);
+        let after_comment = previous.is_some_and(|previous| previous.kind == TokenKind::Comment);
         if let Some(previous) = previous {
             if token.newline_before || after_comment || self.opens_up(previous, token) {
                 self.break_line(previous, token);
@@ -97,8 +97,8 @@ impl Writer {
         }
         self.track(token, next);
         self.push(token.text);
-        if matches!(token.text, "(" | "[" | "{") && token.kind == Kind::Symbol {
-            let hanging = next.is_some_and(|next| next.newline_before || next.kind == Kind::Comment);
+        if matches!(token.text, "(" | "[" | "{") && token.kind == TokenKind::Symbol {
+            let hanging = next.is_some_and(|next| next.newline_before || next.kind == TokenKind::Comment);
             let bracket = token.text.as_bytes().first().copied().unwrap_or(b'(');
             let labels = token.text == "{" && previous.is_some_and(|previous| previous.text == "=");
             self.open.push(Open { bracket, content: self.column(), indent: self.line_indent, hanging, labels });
@@ -108,15 +108,16 @@ impl Writer {
     /// Returns `true` if a token begins the describing text or the clause `for` of the whole
     /// statement, behind its continued lines.
     fn ends_statement(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
-        self.open.is_empty() && (token.kind == Kind::Text && previous.text != "named" || token.kind == Kind::Word && token.text == "for")
+        self.open.is_empty()
+            && (token.kind == TokenKind::Text && previous.text != "named" || token.kind == TokenKind::Word && token.text == "for")
     }
 
     /// Returns `true` if a line ends inside the braces of entries that are on several lines: behind
     /// `{` and before `}`.
     fn opens_up(&self, previous: &Token<'_>, token: &Token<'_>) -> bool {
-        let symbol = |token: &Token<'_>, text| token.kind == Kind::Symbol && token.text == text;
+        let symbol = |token: &Token<'_>, text| token.kind == TokenKind::Symbol && token.text == text;
         self.entries
-            && token.kind != Kind::Comment
+            && token.kind != TokenKind::Comment
             && self.open.len() == 1
             && self.in_braces()
             && symbol(previous, "{") != symbol(token, "}")
@@ -124,10 +125,10 @@ impl Writer {
 
     fn push_gap(&mut self, previous: &Token<'_>, token: &Token<'_>, second: bool) {
         let blanks = match token.kind {
-            Kind::Comment => GAP,
+            TokenKind::Comment => GAP,
             _ if self.lines.len() > 1 && self.ends_statement(previous, token) => GAP,
             _ if self.reaction && self.open.is_empty() && token.text == "rate" => GAP,
-            _ if second && previous.kind == Kind::Word => self.padding,
+            _ if second && previous.kind == TokenKind::Word => self.padding,
             _ => usize::from(spaced(previous, token, self.is_label())),
         };
         self.push(&" ".repeat(blanks));
@@ -135,7 +136,7 @@ impl Writer {
 
     /// Closing brackets and separators end what has been tracked.
     fn track(&mut self, token: &Token<'_>, next: Option<&Token<'_>>) {
-        if token.kind != Kind::Symbol {
+        if token.kind != TokenKind::Symbol {
             return;
         }
         match token.text {
@@ -167,7 +168,7 @@ impl Writer {
 
     fn break_column(&mut self, previous: &Token<'_>, token: &Token<'_>) -> usize {
         let Some(open) = self.open.last() else { return self.continuation(self.indent, token) };
-        let closing = matches!(token.text, ")" | "]" | "}") && token.kind == Kind::Symbol;
+        let closing = matches!(token.text, ")" | "]" | "}") && token.kind == TokenKind::Symbol;
         match (open.bracket, closing) {
             (_, true) if open.hanging || open.bracket == b'{' => open.indent,
             (b'{', _) => self.entry_column(open.indent + INDENT, previous, token),
@@ -178,13 +179,13 @@ impl Writer {
 
     /// A new entry of a block, or the continuation of one.
     fn entry_column(&mut self, indent: usize, previous: &Token<'_>, token: &Token<'_>) -> usize {
-        let unfinished = previous.kind == Kind::Symbol && !matches!(previous.text, "," | "{" | ")" | "]" | "}")
-            || matches!(previous.kind, Kind::Operator(_) | Kind::Sign)
+        let unfinished = previous.kind == TokenKind::Symbol && !matches!(previous.text, "," | "{" | ")" | "]" | "}")
+            || matches!(previous.kind, TokenKind::Operator(_) | TokenKind::Sign)
             || matches!(previous.text, "then" | "else" | "and" | "or");
         let continued = matches!(token.text, "then" | "else" | "and" | "or" | "for")
-            || matches!(token.kind, Kind::Operator(_) | Kind::Text)
-            || token.kind == Kind::Symbol && !matches!(token.text, "(" | "[" | "{");
-        if (unfinished || continued) && token.kind != Kind::Comment {
+            || matches!(token.kind, TokenKind::Operator(_) | TokenKind::Text)
+            || token.kind == TokenKind::Symbol && !matches!(token.text, "(" | "[" | "{");
+        if (unfinished || continued) && token.kind != TokenKind::Comment {
             return self.continuation(indent, token);
         }
         self.assigned = None;
@@ -194,7 +195,7 @@ impl Writer {
     /// A continued line is behind the `=`, unless that is far to the right or the line is a
     /// separate clause.
     fn continuation(&self, indent: usize, token: &Token<'_>) -> usize {
-        let clause = token.kind == Kind::Text || token.text == "for";
+        let clause = token.kind == TokenKind::Text || token.text == "for";
         self.assigned.filter(|column| !clause && *column <= 40).unwrap_or(indent + 2 * INDENT)
     }
 

@@ -6,7 +6,7 @@ use crate::words::{is_reserved, number, word};
 
 /// Kind of a token, as far as blanks depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TokenKind {
     Word,
     Number,
     Text,
@@ -22,7 +22,7 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Token<'t> {
     pub(super) text: &'t str,
-    pub(super) kind: Kind,
+    pub(super) kind: TokenKind,
     pub(super) blank_before: bool,
     pub(super) newline_before: bool,
 }
@@ -49,7 +49,7 @@ pub(super) fn tokens<'t>(text: &'t str, range: Range<usize>, comments: &[Range<u
             break;
         }
         let (length, kind) = if text[start..].starts_with('#') {
-            (comments.next().map_or(1, |comment| comment.len()), Kind::Comment)
+            (comments.next().map_or(1, |comment| comment.len()), TokenKind::Comment)
         } else {
             measure(&text[start..range.end])
         };
@@ -62,22 +62,22 @@ pub(super) fn tokens<'t>(text: &'t str, range: Range<usize>, comments: &[Range<u
 }
 
 /// Length and kind of the token that a text begins with.
-fn measure(text: &str) -> (usize, Kind) {
+fn measure(text: &str) -> (usize, TokenKind) {
     let first = text.chars().next().unwrap_or(' ');
     match first {
-        '"' => (text[1..].find('"').map_or(text.len(), |end| end + 2), Kind::Text),
-        _ if first.is_ascii_digit() => (number(text), Kind::Number),
-        _ if word(text) > 0 => (word(text), Kind::Word),
-        _ => (PAIRS.iter().find(|pair| text.starts_with(**pair)).map_or(first.len_utf8(), |pair| pair.len()), Kind::Symbol),
+        '"' => (text[1..].find('"').map_or(text.len(), |end| end + 2), TokenKind::Text),
+        _ if first.is_ascii_digit() => (number(text), TokenKind::Number),
+        _ if word(text) > 0 => (word(text), TokenKind::Word),
+        _ => (PAIRS.iter().find(|pair| text.starts_with(**pair)).map_or(first.len_utf8(), |pair| pair.len()), TokenKind::Symbol),
     }
 }
 
 fn classify_operators(tokens: &mut [Token<'_>]) {
     for index in 0..tokens.len() {
-        if tokens[index].kind != Kind::Symbol || !matches!(tokens[index].text, "+" | "-" | "*" | "/") {
+        if tokens[index].kind != TokenKind::Symbol || !matches!(tokens[index].text, "+" | "-" | "*" | "/") {
             continue;
         }
-        let previous = tokens[..index].iter().rfind(|token| token.kind != Kind::Comment).copied();
+        let previous = tokens[..index].iter().rfind(|token| token.kind != TokenKind::Comment).copied();
         let next = tokens.get(index + 1).copied();
         let attached = tokens[index].blank_before && next.is_some_and(|token| !token.blank_before);
         // What follows the keyword of a statement begins an expression.
@@ -85,7 +85,7 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
         let sign = matches!(tokens[index].text, "+" | "-") && (begins || previous.is_none_or(|token| opens_expression(&token, attached)));
         let rate = previous.is_some_and(|token| token.text == "d") && next.is_some_and(|token| token.text == "dt");
         let spaced = !rate && (tokens[index].blank_before || next.is_some_and(|token| token.blank_before));
-        tokens[index].kind = if sign { Kind::Sign } else { Kind::Operator(spaced) };
+        tokens[index].kind = if sign { TokenKind::Sign } else { TokenKind::Operator(spaced) };
     }
 }
 
@@ -93,11 +93,11 @@ fn classify_operators(tokens: &mut [Token<'_>]) {
 /// where the author wrote `at -1`.
 fn opens_expression(token: &Token<'_>, attached: bool) -> bool {
     match token.kind {
-        Kind::Word if BEFORE_EXPRESSION.contains(&token.text) => attached,
-        Kind::Word => is_reserved(token.text) && !matches!(token.text, "true" | "false"),
-        Kind::Number | Kind::Text => false,
-        Kind::Symbol => !matches!(token.text, ")" | "]" | "}" | "%"),
-        Kind::Operator(_) | Kind::Sign | Kind::Comment => true,
+        TokenKind::Word if BEFORE_EXPRESSION.contains(&token.text) => attached,
+        TokenKind::Word => is_reserved(token.text) && !matches!(token.text, "true" | "false"),
+        TokenKind::Number | TokenKind::Text => false,
+        TokenKind::Symbol => !matches!(token.text, ")" | "]" | "}" | "%"),
+        TokenKind::Operator(_) | TokenKind::Sign | TokenKind::Comment => true,
     }
 }
 
@@ -113,11 +113,13 @@ pub(super) fn spaced(previous: &Token<'_>, next: &Token<'_>, label_colon: bool) 
 
 fn spaced_by_kind(previous: &Token<'_>, next: &Token<'_>) -> bool {
     match (previous.kind, next.kind) {
-        (Kind::Sign, _) => false,
-        (Kind::Operator(blank), _) | (_, Kind::Operator(blank)) => blank,
-        (Kind::Number, Kind::Symbol) if next.text == "[" => true,
-        (Kind::Word, Kind::Symbol) if is_reserved(previous.text) => true,
-        (Kind::Word, Kind::Symbol) | (Kind::Symbol, Kind::Symbol) if matches!(next.text, "(" | "[") && !is_infix(previous.text) => {
+        (TokenKind::Sign, _) => false,
+        (TokenKind::Operator(blank), _) | (_, TokenKind::Operator(blank)) => blank,
+        (TokenKind::Number, TokenKind::Symbol) if next.text == "[" => true,
+        (TokenKind::Word, TokenKind::Symbol) if is_reserved(previous.text) => true,
+        (TokenKind::Word, TokenKind::Symbol) | (TokenKind::Symbol, TokenKind::Symbol)
+            if matches!(next.text, "(" | "[") && !is_infix(previous.text) =>
+        {
             next.blank_before
         }
         _ => true,

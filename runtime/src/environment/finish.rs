@@ -12,7 +12,7 @@ pub(super) struct Finish {
 
 /// A part of the output.
 #[derive(Clone, Copy)]
-pub(super) enum Part {
+pub(super) enum FinishPart {
     /// For each declared failure whether it holds, and its excess.
     Failures,
     /// For each success condition whether it holds.
@@ -44,12 +44,12 @@ impl Finish {
     }
 
     /// Place of a part in it.
-    pub(super) fn start(&self, part: Part) -> usize {
+    pub(super) fn start(&self, part: FinishPart) -> usize {
         self.parts[part as usize].start
     }
 
     /// A part.
-    pub(super) fn part(&self, part: Part) -> &[f64] {
+    pub(super) fn part(&self, part: FinishPart) -> &[f64] {
         &self.values[self.parts[part as usize].clone()]
     }
 }

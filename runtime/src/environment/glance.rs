@@ -3,7 +3,7 @@
 
 use smpl_compiler::layout::Region;
 
-use super::interval::Outcome;
+use super::interval::IntervalEnd;
 use super::{Environment, StepError};
 
 impl Environment {
@@ -19,8 +19,8 @@ impl Environment {
         self.share = share;
         self.prepare(action);
         let broken = self.setup.programs.has_start && self.broken_variable().is_some();
-        let outcome = if broken { Outcome::Broken } else { self.integrate() };
-        if outcome == Outcome::Completed {
+        let outcome = if broken { IntervalEnd::Broken } else { self.integrate() };
+        if outcome == IntervalEnd::Completed {
             self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
             if share >= 1.0 && self.setup.programs.has_end {
                 self.run_end();

@@ -1,7 +1,7 @@
 //! From one sampling instant to the next.
 
 use smpl_compiler::ir::Builtin;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::{RootAction, Solver};
 
 use super::{Environment, Firing};
@@ -12,7 +12,7 @@ use crate::solver::{Advance, SolveError, Statistics};
 
 /// End of an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Outcome {
+pub(super) enum IntervalEnd {
     /// At its end.
     Completed,
     /// At an event that is a failure, by its index.
@@ -41,23 +41,23 @@ const NEARLY: f64 = 0.05;
 
 impl Environment {
     /// Applies a finite action and integrates to the end of the interval, or to what ends it.
-    pub(super) fn run_interval(&mut self, action: &[f64]) -> Outcome {
+    pub(super) fn run_interval(&mut self, action: &[f64]) -> IntervalEnd {
         self.prepare(action);
         // An update may have left nothing to integrate.
         let broken = self.setup.programs.has_start && self.broken_variable().is_some();
-        let mut outcome = if broken { Outcome::Broken } else { self.integrate() };
-        if outcome == Outcome::Solver && self.may_retry() {
+        let mut outcome = if broken { IntervalEnd::Broken } else { self.integrate() };
+        if outcome == IntervalEnd::Solver && self.may_retry() {
             outcome = self.retry();
         }
         match outcome {
-            Outcome::Solver => {
+            IntervalEnd::Solver => {
                 self.go_back();
                 self.stop_at(self.begin);
             }
-            Outcome::Broken if broken => self.stop_at(self.begin),
+            IntervalEnd::Broken if broken => self.stop_at(self.begin),
             _ => {
                 self.system.region_mut(Region::Quadrature).copy_from_slice(&self.integrals);
-                if self.setup.programs.has_end && outcome == Outcome::Completed {
+                if self.setup.programs.has_end && outcome == IntervalEnd::Completed {
                     self.run_end();
                 }
             }
@@ -84,11 +84,11 @@ impl Environment {
     /// Repeats the step from its start with the other implicit method. If that also fails, the
     /// failure of the first one counts.
     #[cold]
-    fn retry(&mut self) -> Outcome {
+    fn retry(&mut self) -> IntervalEnd {
         let first = self.progress.verdict.solver_failure;
-        let Some(mut other) = self.spare.take().or_else(|| self.setup.other_integrator()) else { return Outcome::Solver };
+        let Some(mut other) = self.spare.take().or_else(|| self.setup.other_integrator()) else { return IntervalEnd::Solver };
         self.go_back();
-        self.system.copy(Region::Previous(Part::Disturbance), Region::Disturbance);
+        self.system.copy(Region::Previous(FramePart::Disturbance), Region::Disturbance);
         self.progress.verdict.solver_failure = None;
         self.collect_statistics();
         self.statistics.retries += 1;
@@ -102,7 +102,7 @@ impl Environment {
         self.integrator.forget();
         self.spare = Some(other);
         let says_more = |f: SolverFailure| matches!(f.cause, Cause::Interrupted | Cause::Switching);
-        if outcome == Outcome::Solver && !self.progress.verdict.solver_failure.is_some_and(says_more) {
+        if outcome == IntervalEnd::Solver && !self.progress.verdict.solver_failure.is_some_and(says_more) {
             self.progress.verdict.solver_failure = first;
         }
         outcome
@@ -186,7 +186,7 @@ impl Environment {
         }
     }
 
-    pub(super) fn integrate(&mut self) -> Outcome {
+    pub(super) fn integrate(&mut self) -> IntervalEnd {
         // What earlier steps left behind would make results depend on history (order of pivots).
         self.collect_statistics();
         self.integrator.forget();
@@ -204,14 +204,14 @@ impl Environment {
                     self.take_state();
                     self.add_integrals();
                     if advance == Advance::Reached {
-                        break Outcome::Completed;
+                        break IntervalEnd::Completed;
                     }
                 }
                 Err(error) => {
                     let mut failure = blame(&error, t);
                     failure.event = failure.event.or_else(|| self.undetermined());
                     self.progress.verdict.solver_failure = Some(failure);
-                    return Outcome::Solver;
+                    return IntervalEnd::Solver;
                 }
             }
             // What is left within the rounding of time cannot be integrated.
@@ -222,7 +222,7 @@ impl Environment {
                 self.stop_at(t);
                 // What the last event changed is seen by the algebraic unknowns.
                 let (y, yp) = (&self.progress.y, Some(self.progress.yp.as_slice()));
-                if outcome == Outcome::Chatter && self.integrator.restart(&mut self.system, t, y, yp).is_ok() {
+                if outcome == IntervalEnd::Chatter && self.integrator.restart(&mut self.system, t, y, yp).is_ok() {
                     self.take_state();
                 }
                 break outcome;
@@ -274,7 +274,7 @@ impl Environment {
     }
 
     /// Does what the fired events ask for; how the interval ends if they end it.
-    fn handle_events(&mut self, t: f64) -> Option<Outcome> {
+    fn handle_events(&mut self, t: f64) -> Option<IntervalEnd> {
         let failure = self.fired_failure();
         self.note_events(t);
         self.set_builtin(Builtin::Clock, t);
@@ -289,13 +289,13 @@ impl Environment {
         }
         self.set_builtin(Builtin::Clock, self.begin);
         if ran && self.broken_variable().is_some() {
-            return Some(Outcome::Broken);
+            return Some(IntervalEnd::Broken);
         }
         if ran || failure.is_none() {
             let (model, memory) = self.system.parts();
             model.prepare_step(memory);
         }
-        failure.map(Outcome::Event).or_else(|| self.fired_success().map(Outcome::Success))
+        failure.map(IntervalEnd::Event).or_else(|| self.fired_success().map(IntervalEnd::Success))
     }
 
     /// The first success among the events that fired.
@@ -317,7 +317,7 @@ impl Environment {
     }
 
     /// Notes which events fired; an end if there are too many of them, or if one accumulates.
-    fn chatter(&mut self, t: f64, events: u32) -> Option<Outcome> {
+    fn chatter(&mut self, t: f64, events: u32) -> Option<IntervalEnd> {
         let soon = ACCUMULATION * self.setup.model().interface().episode.step;
         let mut accumulates = false;
         for (index, firing) in self.firings.each.iter_mut().enumerate().filter(|(index, _)| self.integrator.events()[*index] != 0) {
@@ -338,7 +338,7 @@ impl Environment {
         let other = |&index: &usize| Some(index) != last && self.firings.each[index].time == t;
         let partner = (0..self.firings.each.len()).find(other);
         self.progress.chatter = Some(Chatter { time: t, event: last.unwrap_or_default(), partner, accumulates });
-        Some(Outcome::Chatter)
+        Some(IntervalEnd::Chatter)
     }
 
     /// `at end`, and what depends on the states that it changed.
@@ -361,9 +361,9 @@ impl Environment {
     /// The state as before the step. The action that was given stays, for those who look what it
     /// was.
     fn go_back(&mut self) {
-        self.progress.y.copy_from_slice(self.system.region(Region::Previous(Part::Y)));
+        self.progress.y.copy_from_slice(self.system.region(Region::Previous(FramePart::Y)));
         self.progress.yp.copy_from_slice(&self.scratch);
-        self.system.copy(Region::Previous(Part::Discrete), Region::Discrete);
+        self.system.copy(Region::Previous(FramePart::Discrete), Region::Discrete);
         self.system.look_back(self.begin, &self.progress.y, &self.progress.yp);
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use smpl_compiler::ir::Builtin;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 
 use super::{Environment, History, Phase, Replay, finish};
 use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
@@ -315,11 +315,11 @@ impl Environment {
         for element in states.elements().iter().chain(setup.catalogue.solved.elements()) {
             self.progress.y[element.at] = if element.default.is_finite() { element.default } else { 0.0 };
         }
-        let rest = self.system.region(Region::Steady(Part::Y));
+        let rest = self.system.region(Region::Steady(FramePart::Y));
         if (setup.model().interface().steady.is_some() || options.start == Start::Steady) && rest.iter().all(|x| x.is_finite()) {
             // The algebraic part of the steady state is the best guess there is.
             let first = setup.model().states();
-            let steady = self.system.region(Region::Steady(Part::Y));
+            let steady = self.system.region(Region::Steady(FramePart::Y));
             self.progress.y[first..].copy_from_slice(&steady[first..]);
         }
         if let StateInput::Named(named) = &options.state {
@@ -334,7 +334,7 @@ impl Environment {
         let states = &setup.catalogue.states;
         let (model, memory) = self.system.parts();
         if options.start == Start::Steady {
-            self.progress.y.copy_from_slice(memory.region(Region::Steady(Part::Y)));
+            self.progress.y.copy_from_slice(memory.region(Region::Steady(FramePart::Y)));
         } else {
             model.initial_states(memory, &mut self.progress.y);
         }
@@ -589,7 +589,7 @@ impl Environment {
         progress.chatter = None;
         progress.not_finite = None;
         self.evaluate_finish(self.time());
-        let values = self.finish.part(finish::Part::Observations);
+        let values = self.finish.part(finish::FinishPart::Observations);
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let name = &self.setup.model().interface().finish.observations[at].name;
             return Err(ResetError::NotFinite { what: format!("the observation `{name}` at the start") });

@@ -13,7 +13,7 @@ mod start;
 
 use std::sync::Arc;
 
-use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::compiled::tangent::TangentProgram;
 use smpl_compiler::layout::Region;
 
 use super::{Environment, ResetOptions, StepResult, finish, interval};
@@ -279,7 +279,7 @@ impl Environment {
         done?;
         // When it is judged the step already counts, so that this would be the end of the next one.
         let end = self.end_time();
-        let result = self.judge(interval::Outcome::Completed, excess);
+        let result = self.judge(interval::IntervalEnd::Completed, excess);
         self.follow_finish(follower, end)?;
         Ok(result)
     }
@@ -299,7 +299,7 @@ impl Environment {
         if self.setup.programs.has_end {
             let time = self.end_time();
             follower.space.before.clone_from(&self.progress.y);
-            self.run_tangent(follower, Part::End, (time, &[]), 0)?;
+            self.run_tangent(follower, TangentProgram::End, (time, &[]), 0)?;
             self.run_end();
             if follower.space.before != self.progress.y && self.system.model().unknowns() > self.system.model().states() {
                 self.follow_algebraic(follower, time, &[])?;
@@ -312,7 +312,7 @@ impl Environment {
     fn run_tangent(
         &mut self,
         follower: &mut Follower,
-        part: Part,
+        part: TangentProgram,
         (time, moving): (f64, &[f64]),
         outputs: usize,
     ) -> Result<(), FollowError> {
@@ -345,7 +345,7 @@ impl Environment {
             (states..n).for_each(|at| follower.tangents.set_y(at, j, 0.0));
         }
         follower.tangents.still_rates();
-        self.run_tangent(follower, Part::Rows, (time, moving), n)?;
+        self.run_tangent(follower, TangentProgram::Rows, (time, moving), n)?;
         let [values, mass] = &mut follower.entries;
         let (y, yp) = (&self.progress.y, &self.progress.yp);
         self.system.jacobian(time, y, yp, 0.0, values);
@@ -383,7 +383,7 @@ impl Environment {
             }
         }
         let outputs = self.finish.all().len();
-        self.run_tangent(follower, Part::Finish, (time, &[]), outputs)
+        self.run_tangent(follower, TangentProgram::Finish, (time, &[]), outputs)
     }
 
     /// Derivative of a reward (as declared) along a direction, after a step that was followed. A
@@ -393,20 +393,20 @@ impl Environment {
         if self.progress.verdict.last.is_none_or(|result| result.failure.is_some()) {
             return 0.0;
         }
-        follower.finished(self.finish.start(finish::Part::Rewards) + reward, direction)
+        follower.finished(self.finish.start(finish::FinishPart::Rewards) + reward, direction)
     }
 
     /// Derivative of an observation along a direction: of what is measured at the end of the step,
     /// without noise, delay or clipping.
     #[must_use]
     pub(crate) fn observation_derivative(&self, follower: &Follower, observation: usize, direction: usize) -> f64 {
-        follower.finished(self.finish.start(finish::Part::Observations) + observation, direction)
+        follower.finished(self.finish.start(finish::FinishPart::Observations) + observation, direction)
     }
 
     /// Measurements at the end of the last step, without noise, delay or clipping.
     #[must_use]
     pub(crate) fn measured(&self) -> &[f64] {
-        self.finish.part(finish::Part::Observations)
+        self.finish.part(finish::FinishPart::Observations)
     }
 
     fn solver_fault(&self, error: &SolveError, start: f64, width: usize) -> FollowError {

@@ -4,8 +4,8 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::Failure as Failed;
 
-use super::finish::Part;
-use super::interval::Outcome;
+use super::finish::FinishPart;
+use super::interval::IntervalEnd;
 use super::{Environment, Phase, StepResult};
 use crate::failure::{ACTION_BOX, BOX_SLACK, EVENTS, Failure, FailureKind, NOT_FINITE, NotFinite, describe_item, describe_solver};
 
@@ -14,13 +14,13 @@ const MOST_NAMED: usize = 8;
 
 impl Environment {
     /// Evaluates the end of a step and counts it.
-    pub(super) fn judge(&mut self, outcome: Outcome, excess: f64) -> StepResult {
-        if !matches!(outcome, Outcome::Solver) {
+    pub(super) fn judge(&mut self, outcome: IntervalEnd, excess: f64) -> StepResult {
+        if !matches!(outcome, IntervalEnd::Solver) {
             self.progress.verdict.solver_failure = None;
         }
         self.progress.verdict.action_excess = excess;
-        let ended_inside = !matches!(outcome, Outcome::Completed | Outcome::NotRun | Outcome::Success(_));
-        let succeeded = if let Outcome::Success(index) = outcome { Some(index as usize) } else { None };
+        let ended_inside = !matches!(outcome, IntervalEnd::Completed | IntervalEnd::NotRun | IntervalEnd::Success(_));
+        let succeeded = if let IntervalEnd::Success(index) = outcome { Some(index as usize) } else { None };
         let failed = f64::from(u8::from(excess > 0.0 || ended_inside));
         let last_step = self.progress.steps + 1 >= self.setup.max_steps;
         self.set_builtins([
@@ -32,7 +32,7 @@ impl Environment {
         self.evaluate_finish(self.progress.event_time.unwrap_or_else(|| self.end_time()));
 
         self.collect_failures(outcome, excess);
-        self.progress.verdict.rewards.copy_from_slice(self.finish.part(Part::Rewards));
+        self.progress.verdict.rewards.copy_from_slice(self.finish.part(FinishPart::Rewards));
         let mut failure = self.first_failure(outcome, excess);
         self.progress.not_finite = if failure.is_none() { self.not_finite(outcome) } else { None };
         if self.progress.not_finite.is_some() {
@@ -45,8 +45,8 @@ impl Environment {
 
     /// The first number that is not finite, of those that a step is judged by. Without an
     /// integration nothing has changed.
-    fn not_finite(&self, outcome: Outcome) -> Option<NotFinite> {
-        if outcome == Outcome::NotRun || self.all_finite() {
+    fn not_finite(&self, outcome: IntervalEnd) -> Option<NotFinite> {
+        if outcome == IntervalEnd::NotRun || self.all_finite() {
             return None;
         }
         let infinite = |part| self.finish.part(part).iter().position(|x| !x.is_finite());
@@ -55,11 +55,11 @@ impl Environment {
         let dense = self.progress.verdict.rewards.get(chosen).filter(|r| !r.is_finite()).map(|_| chosen);
         (self.broken_variable())
             .or_else(|| self.integrator.undefined_event().map(NotFinite::Event))
-            .or_else(|| dense.or_else(|| infinite(Part::Rewards)).map(NotFinite::Reward))
-            .or_else(|| condition(Part::Failures, 2).map(NotFinite::Failure))
-            .or_else(|| condition(Part::Successes, 1).map(NotFinite::Success))
-            .or_else(|| infinite(Part::Constraints).map(NotFinite::Constraint))
-            .or_else(|| infinite(Part::Observations).map(NotFinite::Observation))
+            .or_else(|| dense.or_else(|| infinite(FinishPart::Rewards)).map(NotFinite::Reward))
+            .or_else(|| condition(FinishPart::Failures, 2).map(NotFinite::Failure))
+            .or_else(|| condition(FinishPart::Successes, 1).map(NotFinite::Success))
+            .or_else(|| infinite(FinishPart::Constraints).map(NotFinite::Constraint))
+            .or_else(|| infinite(FinishPart::Observations).map(NotFinite::Observation))
     }
 
     /// Returns `true` if there is nothing to look for: most steps, by sums of 0 * x, which are zero
@@ -89,13 +89,13 @@ impl Environment {
     }
 
     /// Takes failures and violations from the `finish` output.
-    fn collect_failures(&mut self, outcome: Outcome, excess: f64) {
+    fn collect_failures(&mut self, outcome: IntervalEnd, excess: f64) {
         let event = match outcome {
-            Outcome::Event(index) => Some(index as usize),
+            IntervalEnd::Event(index) => Some(index as usize),
             _ => None,
         };
         self.progress.verdict.violations[0] = excess;
-        let pairs = self.finish.part(Part::Failures).chunks_exact(2);
+        let pairs = self.finish.part(FinishPart::Failures).chunks_exact(2);
         let count = pairs.len();
         for (i, pair) in pairs.enumerate() {
             let failing = pair[0] == 1.0 || event == Some(i);
@@ -104,19 +104,20 @@ impl Environment {
             // is never worth nothing.
             self.progress.verdict.violations[1 + i] = if failing { pair[1].max(BOX_SLACK) } else { known(pair[1]) };
         }
-        for (violation, &excess) in self.progress.verdict.violations[1 + count..].iter_mut().zip(self.finish.part(Part::Constraints)) {
+        for (violation, &excess) in self.progress.verdict.violations[1 + count..].iter_mut().zip(self.finish.part(FinishPart::Constraints))
+        {
             *violation = known(excess);
         }
     }
 
-    fn first_failure(&self, outcome: Outcome, excess: f64) -> Option<Failure> {
+    fn first_failure(&self, outcome: IntervalEnd, excess: f64) -> Option<Failure> {
         if excess > 0.0 {
             return Some(Failure::ActionBox);
         }
-        if outcome == Outcome::Solver {
+        if outcome == IntervalEnd::Solver {
             return Some(Failure::Solver);
         }
-        if outcome == Outcome::Chatter {
+        if outcome == IntervalEnd::Chatter {
             return Some(Failure::Events);
         }
         self.progress.verdict.failing.iter().position(|f| *f).map(|index| Failure::Declared(index as u32))
@@ -131,7 +132,7 @@ impl Environment {
         }
         // A limit below the model's own cuts the batch short.
         let whole = last_step && self.setup.max_steps >= episode.max_steps && end_is_success;
-        let conditions = self.finish.part(Part::Successes).iter();
+        let conditions = self.finish.part(FinishPart::Successes).iter();
         let met = succeeded.or_else(|| conditions.clone().position(|x| *x == 1.0)).or(whole.then_some(conditions.len()));
         let success = failure.is_none() && met.is_some();
         self.progress.verdict.met = met.filter(|_| success).map(|met| met as u32);
@@ -151,7 +152,7 @@ impl Environment {
         }
         let progress = &mut self.progress;
         let (errors, steps) = (progress.errors(), progress.steps);
-        self.sensors.read(&mut progress.readings, errors, steps, self.finish.part(Part::Observations));
+        self.sensors.read(&mut progress.readings, errors, steps, self.finish.part(FinishPart::Observations));
         let cost = self.progress.verdict.violations.iter().sum();
         StepResult { reward, terminated, truncated, success, failure, cost, time: self.time() }
     }

@@ -5,7 +5,7 @@
 //! second term; the first one is recorded here with each step of the derivatives. Where v jumps at
 //! a time that moves, the delayed value jumps at a time that moves with it and with θ.
 
-use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::compiled::tangent::TangentProgram;
 use smpl_compiler::ir::DelaySlot;
 use smpl_compiler::layout::Region;
 
@@ -85,7 +85,7 @@ impl MovedPast {
             for (node, out) in nodes().into_iter().zip(samples.chunks_exact_mut(elements * width)) {
                 let point = Point { time: begin + node * (end - begin), moving: &[], y, yp };
                 if past.given.contains(&true) {
-                    self.tangents.run(system, Part::Before, point, elements)?;
+                    self.tangents.run(system, TangentProgram::Before, point, elements)?;
                 }
                 for (element, out) in out.chunks_exact_mut(width).enumerate() {
                     let cell = first + element * SLOTS + DelaySlot::Value as usize;
@@ -191,7 +191,7 @@ impl MovedPast {
             self.tangents.take_y(&y[n..], live);
             self.tangents.take_yp(&yp[n..], live);
             let point = Point { time, moving: &[], y: &y[..n], yp: &yp[..n] };
-            self.tangents.run(system, Part::Delayed, point, elements)?;
+            self.tangents.run(system, TangentProgram::Delayed, point, elements)?;
             for (element, out) in out.chunks_exact_mut(width).enumerate() {
                 out.iter_mut().enumerate().for_each(|(j, out)| *out = self.tangents.output(element, j));
             }
@@ -232,7 +232,7 @@ impl MovedPast {
     /// # Errors
     /// In words, if they cannot be differentiated.
     pub(crate) fn find_lags(&mut self, system: &CompiledSystem, point: Point<'_>) -> Result<(), String> {
-        self.tangents.run(system, Part::Lags, point, self.values.len() / self.width().max(1))
+        self.tangents.run(system, TangentProgram::Lags, point, self.values.len() / self.width().max(1))
     }
 
     /// Forgets what no dead time reaches from a time on.

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use smpl_compiler::compiled::tangent::{Dual, LANES, Part, STILL, Tangent, TangentView};
-use smpl_compiler::layout::{Part as FramePart, Region};
+use smpl_compiler::compiled::tangent::{Dual, LANES, STILL, Tangent, TangentProgram, TangentView};
+use smpl_compiler::layout::{FramePart, Region};
 
 use crate::system::CompiledSystem;
 
@@ -172,7 +172,7 @@ impl Tangents {
     ///
     /// # Errors
     /// In words, if the part cannot be made.
-    pub(crate) fn run(&mut self, system: &CompiledSystem, part: Part, point: Point<'_>, outputs: usize) -> Result<(), String> {
+    pub(crate) fn run(&mut self, system: &CompiledSystem, part: TangentProgram, point: Point<'_>, outputs: usize) -> Result<(), String> {
         let Self { chunks, y, yp, memory, out, registers, .. } = self;
         out.resize(outputs, 0.0);
         for (number, chunk) in chunks.iter_mut().enumerate() {

@@ -79,7 +79,7 @@ pub(crate) fn looks_into<I: Inside>(step: &mut I, (from, to): (f64, f64), (open,
 
 /// A part of a step.
 #[derive(Clone, Copy, Default)]
-struct Part {
+struct Subinterval {
     from: f64,
     to: f64,
 }
@@ -92,7 +92,7 @@ fn happens<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::E
     let mut begin = from;
     for k in 1..=samples {
         let end = if k == samples { to } else { from + (to - from) * f64::from(k) / f64::from(samples) };
-        let mut whole = Part { from: begin, to: end };
+        let mut whole = Subinterval { from: begin, to: end };
         while whole.from < end {
             let (open, count, until) = open_parts(step, whole, NARROWEST * (to - from), &mut left)?;
             for part in &open[..count] {
@@ -116,18 +116,23 @@ fn happens<I: Inside>(step: &mut I, (from, to): (f64, f64)) -> Result<bool, I::E
 
 /// The first parts that stay open when they are as narrow as this, their number, and the time up to
 /// which there are no others.
-fn open_parts<I: Inside>(step: &mut I, whole: Part, narrowest: f64, left: &mut u32) -> Result<([Part; MOST_OPEN], usize, f64), I::Error> {
-    let mut open = [Part::default(); MOST_OPEN];
+fn open_parts<I: Inside>(
+    step: &mut I,
+    whole: Subinterval,
+    narrowest: f64,
+    left: &mut u32,
+) -> Result<([Subinterval; MOST_OPEN], usize, f64), I::Error> {
+    let mut open = [Subinterval::default(); MOST_OPEN];
     let (mut count, mut until) = (0, whole.to);
     if is_open(step, whole, left)? {
         (open[0], count) = (whole, 1);
     }
     while count > 0 && open[0].to - open[0].from > narrowest && *left > 0 {
-        let mut next = [Part::default(); MOST_OPEN];
+        let mut next = [Subinterval::default(); MOST_OPEN];
         let mut found = 0;
         'parts: for part in &open[..count] {
             let middle = part.from + (part.to - part.from) / 2.0;
-            for half in [Part { from: part.from, to: middle }, Part { from: middle, to: part.to }] {
+            for half in [Subinterval { from: part.from, to: middle }, Subinterval { from: middle, to: part.to }] {
                 if !is_open(step, half, left)? {
                     continue;
                 }
@@ -146,7 +151,7 @@ fn open_parts<I: Inside>(step: &mut I, whole: Part, narrowest: f64, left: &mut u
 
 /// Returns whether the bounds over a part leave a sign open. A part that can no longer be bounded
 /// is open.
-fn is_open<I: Inside>(step: &mut I, part: Part, left: &mut u32) -> Result<bool, I::Error> {
+fn is_open<I: Inside>(step: &mut I, part: Subinterval, left: &mut u32) -> Result<bool, I::Error> {
     if *left == 0 {
         return Ok(true);
     }

@@ -23,7 +23,7 @@ const SQUARES: u32 = 200;
 const MOST_SQUARES: usize = 300;
 
 /// The end of all tries.
-pub(super) enum Outcome {
+pub(super) enum SearchEnd {
     Solved,
     Interrupted,
     Failed(Trail),
@@ -78,7 +78,7 @@ impl<'s, 'p> Search<'s, 'p> {
     }
 
     /// Solves the block from the guess in `y`; leaves the nearest point where that fails.
-    pub(super) fn run(&mut self, y: &mut [f64]) -> Outcome {
+    pub(super) fn run(&mut self, y: &mut [f64]) -> SearchEnd {
         let guess = y.to_vec();
         let mut trail = Trail::default();
         self.evaluate(&guess);
@@ -86,19 +86,19 @@ impl<'s, 'p> Search<'s, 'p> {
         let bounds = self.problem.bounds.clone();
         let bounded = self.places.iter().any(|&at| bounds.low[at].is_finite() || bounds.high[at].is_finite());
         if self.attempt("Newton's method from the guess", None, y, &mut trail) {
-            return Outcome::Solved;
+            return SearchEnd::Solved;
         }
         if bounded {
             y.copy_from_slice(&guess);
             bounds.clip(&self.places, y);
             if self.attempt("Newton's method inside of the bounds", Some(&bounds), y, &mut trail) {
-                return Outcome::Solved;
+                return SearchEnd::Solved;
             }
         }
         if bounded && self.places.len() == 1 {
             y.copy_from_slice(&guess);
             if self.bracket(&bounds, y) && self.attempt("bisection, then Newton's method", None, y, &mut trail) {
-                return Outcome::Solved;
+                return SearchEnd::Solved;
             }
         }
         for number in 0..GUESSES {
@@ -106,23 +106,23 @@ impl<'s, 'p> Search<'s, 'p> {
             bounds.other_guess(number, &self.places, y);
             let name = format!("another guess, {}", number + 1);
             if self.attempt(&name, bounded.then_some(&bounds), y, &mut trail) {
-                return Outcome::Solved;
+                return SearchEnd::Solved;
             }
         }
         y.copy_from_slice(&guess);
         if self.homotopy(y, &mut trail) {
-            return Outcome::Solved;
+            return SearchEnd::Solved;
         }
         y.copy_from_slice(&guess);
         self.least_squares(&bounds, y);
         if self.attempt("least squares, then Newton's method", None, y, &mut trail) {
-            return Outcome::Solved;
+            return SearchEnd::Solved;
         }
         if self.interrupted {
-            return Outcome::Interrupted;
+            return SearchEnd::Interrupted;
         }
         y.copy_from_slice(trail.nearest.as_ref().map_or(&guess, |nearest| &nearest.1));
-        Outcome::Failed(trail)
+        SearchEnd::Failed(trail)
     }
 
     /// One try of Newton's method from `y`; whether it found a solution inside of the bounds.

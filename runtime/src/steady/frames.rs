@@ -4,15 +4,15 @@
 use std::sync::Arc;
 
 use smpl_compiler::compiled::tangent::ByInputs;
-use smpl_compiler::layout::{Memory, Part, Region};
+use smpl_compiler::layout::{FramePart, Memory, Region};
 
 use super::error::SteadyError;
 use crate::system::CompiledSystem;
 
 /// The other instants.
-pub(super) const INSTANTS: [fn(Part) -> Region; 3] = [Region::Initial, Region::Previous, Region::Steady];
+pub(super) const INSTANTS: [fn(FramePart) -> Region; 3] = [Region::Initial, Region::Previous, Region::Steady];
 /// Content of a frame.
-const PARTS: [Part; 4] = [Part::Y, Part::Action, Part::Discrete, Part::Disturbance];
+const PARTS: [FramePart; 4] = [FramePart::Y, FramePart::Action, FramePart::Discrete, FramePart::Disturbance];
 
 /// Puts an instance to rest at a point: `initial(e)`, `previous(e)` and `steady(e)` are `e` there.
 pub fn rest_at(system: &mut CompiledSystem, y: &[f64]) {
@@ -59,7 +59,7 @@ impl Frames {
             return Ok(None);
         }
         let model = system.model();
-        let ranges = INSTANTS.map(|instant| system.memory().layout().range(instant(Part::Y)));
+        let ranges = INSTANTS.map(|instant| system.memory().layout().range(instant(FramePart::Y)));
         let mut inputs = Vec::new();
         model.find_inputs(|cells| ranges.iter().any(|range| range.contains(&cells.start)), &mut inputs);
         let compiled = model.by_inputs(&inputs).map_err(|e| SteadyError::Condition { message: e.to_string() })?;

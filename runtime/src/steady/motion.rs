@@ -2,7 +2,7 @@
 //! its solution, by the implicit function theorem.
 
 use smpl_compiler::compiled::tangent;
-use smpl_compiler::layout::{Part, Region};
+use smpl_compiler::layout::{FramePart, Region};
 
 use super::problem::{Given, Problem};
 use super::{MAX_ROUNDS, PARTS, declared, frames};
@@ -57,10 +57,12 @@ fn places(system: &CompiledSystem, width: usize) -> impl Iterator<Item = (usize,
 /// An instance at its steady state.
 fn at_rest(system: &CompiledSystem) -> (CompiledSystem, Vec<f64>) {
     let mut there = system.clone();
-    for (part, present) in [(Part::Action, Region::Action), (Part::Discrete, Region::Discrete), (Part::Disturbance, Region::Disturbance)] {
+    for (part, present) in
+        [(FramePart::Action, Region::Action), (FramePart::Discrete, Region::Discrete), (FramePart::Disturbance, Region::Disturbance)]
+    {
         there.region_mut(present).copy_from_slice(system.region(Region::Steady(part)));
     }
-    let y = system.region(Region::Steady(Part::Y)).to_vec();
+    let y = system.region(Region::Steady(FramePart::Y)).to_vec();
     frames::rest_at(&mut there, &y);
     (there, y)
 }
@@ -88,7 +90,7 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
     let actions = catalogue.actions.elements();
     let (of_states, of_conditions) = (actions.len(), actions.len() + held.states.len());
     let declared_numbers = of_conditions + held.conditions.len();
-    tangents.run(&system, tangent::Part::Steady, point, declared_numbers)?;
+    tangents.run(&system, tangent::TangentProgram::Steady, point, declared_numbers)?;
     let first = system.memory().layout().range(Region::Action).start;
     for j in 0..width {
         for (number, action) in actions.iter().enumerate() {
@@ -109,10 +111,10 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
             free.iter().for_each(|&at| set(&mut tangents, at, j, 0.0));
         }
         keep(&mut tangents, &system);
-        tangents.run(&system, tangent::Part::Rows, point, n)?;
+        tangents.run(&system, tangent::TangentProgram::Rows, point, n)?;
         rows.iter_mut().enumerate().for_each(|(j, row)| row[..n].iter_mut().enumerate().for_each(|(at, r)| *r = tangents.output(at, j)));
         if !replaced.is_empty() {
-            tangents.run(&system, tangent::Part::Steady, point, declared_numbers)?;
+            tangents.run(&system, tangent::TangentProgram::Steady, point, declared_numbers)?;
             for (j, row) in rows.iter_mut().enumerate() {
                 replaced.iter().enumerate().for_each(|(number, &at)| row[at] = tangents.output(of_conditions + number, j));
             }
@@ -124,7 +126,7 @@ fn moved(system: &CompiledSystem, catalogue: &Catalogue, parameters: &Tangents) 
         }
         keep(&mut tangents, &system);
         let before = discretes(&tangents, &system, catalogue);
-        tangents.run(&system, tangent::Part::InitialDiscretes, point, 0)?;
+        tangents.run(&system, tangent::TangentProgram::InitialDiscretes, point, 0)?;
         let after = discretes(&tangents, &system, catalogue);
         if before.iter().zip(&after).all(|((a, scale), (b, _))| (a - b).abs() <= SETTLED * a.abs().max(b.abs()).max(*scale)) {
             keep(&mut tangents, &system);

@@ -13,7 +13,7 @@ use parquet::record::Field;
 use parquet::schema::types::{Type, TypePtr};
 
 use super::format::seventeen_digits;
-use super::{Cell, Kind, Table};
+use super::{Cell, ColumnType, Table};
 
 /// Writes a table as one row group; empty cells are null.
 pub(super) fn write(table: &Table, out: &mut dyn Write) -> io::Result<()> {
@@ -28,32 +28,32 @@ fn write_group(table: &Table, out: &mut dyn Write) -> Result<(), ParquetError> {
     let mut group = file.next_row_group()?;
     for (column, (_, kind)) in table.columns().iter().enumerate() {
         match kind {
-            Kind::Integer => {
+            ColumnType::Integer => {
                 column_of::<Int64Type, _>(&mut group, table, column, |cell| match cell {
                     Cell::Integer(i) => Some(i),
                     _ => None,
                 })?;
             }
-            Kind::Natural => {
+            ColumnType::Natural => {
                 column_of::<Int64Type, _>(&mut group, table, column, |cell| match cell {
                     // Parquet keeps unsigned numbers by their bits.
                     Cell::Natural(n) => Some(n.cast_signed()),
                     _ => None,
                 })?;
             }
-            Kind::Number => {
+            ColumnType::Number => {
                 column_of::<DoubleType, _>(&mut group, table, column, |cell| match cell {
                     Cell::Number(x) => Some(x),
                     _ => None,
                 })?;
             }
-            Kind::Text => {
+            ColumnType::Text => {
                 column_of::<ByteArrayType, _>(&mut group, table, column, |cell| match cell {
                     Cell::Text(_) => Some(table.text_of(cell).as_bytes().to_vec().into()),
                     _ => None,
                 })?;
             }
-            Kind::Flag => {
+            ColumnType::Flag => {
                 column_of::<BoolType, _>(&mut group, table, column, |cell| match cell {
                     Cell::Flag(b) => Some(b),
                     _ => None,
@@ -127,16 +127,16 @@ fn column_of<D: DataType, F: Fn(Cell) -> Option<D::T>>(
 }
 
 fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
-    let field = |(name, kind): &(String, Kind)| {
+    let field = |(name, kind): &(String, ColumnType)| {
         let physical = match kind {
-            Kind::Integer | Kind::Natural => PhysicalType::INT64,
-            Kind::Number => PhysicalType::DOUBLE,
-            Kind::Flag => PhysicalType::BOOLEAN,
-            Kind::Text => PhysicalType::BYTE_ARRAY,
+            ColumnType::Integer | ColumnType::Natural => PhysicalType::INT64,
+            ColumnType::Number => PhysicalType::DOUBLE,
+            ColumnType::Flag => PhysicalType::BOOLEAN,
+            ColumnType::Text => PhysicalType::BYTE_ARRAY,
         };
         let logical = match kind {
-            Kind::Text => Some(LogicalType::String),
-            Kind::Natural => Some(LogicalType::integer(64, false)),
+            ColumnType::Text => Some(LogicalType::String),
+            ColumnType::Natural => Some(LogicalType::integer(64, false)),
             _ => None,
         };
         let builder = Type::primitive_type_builder(name, physical).with_logical_type(logical);

@@ -1,6 +1,6 @@
 //! The rows of a simulation, in the columns of the interface contract.
 
-use super::{Cell, Kind, Table};
+use super::{Cell, ColumnType, Table};
 use crate::environment::{Environment, StepResult};
 
 /// Collects an episode: row 0 is the initial state, every other row the end of a step.
@@ -21,16 +21,16 @@ impl Recorder {
     pub fn new(environment: &Environment) -> Self {
         let catalogue = environment.catalogue();
         let interface = environment.setup().model().interface();
-        let mut columns = vec![("step".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number)];
+        let mut columns = vec![("step".to_owned(), ColumnType::Integer), ("time".to_owned(), ColumnType::Number)];
         let families = [&catalogue.states, &catalogue.algebraics, &catalogue.discretes, &catalogue.disturbances, &catalogue.actions];
         let names = families.iter().flat_map(|family| family.names());
-        columns.extend(names.map(|name| (name.to_owned(), Kind::Number)));
-        columns.extend(interface.finish.observations.iter().map(|o| (format!("obs.{}", o.name), Kind::Number)));
-        columns.push(("reward".to_owned(), Kind::Number));
-        columns.extend(interface.finish.rewards.iter().map(|r| (format!("reward.{}", r.name), Kind::Number)));
-        columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), Kind::Flag)));
+        columns.extend(names.map(|name| (name.to_owned(), ColumnType::Number)));
+        columns.extend(interface.finish.observations.iter().map(|o| (format!("obs.{}", o.name), ColumnType::Number)));
+        columns.push(("reward".to_owned(), ColumnType::Number));
+        columns.extend(interface.finish.rewards.iter().map(|r| (format!("reward.{}", r.name), ColumnType::Number)));
+        columns.extend(["terminated", "truncated"].map(|name| (name.to_owned(), ColumnType::Flag)));
         let drawn = environment.setup().drawn_parameters();
-        columns.extend(drawn.iter().map(|e| (format!("param.{}", e.name), Kind::Number)));
+        columns.extend(drawn.iter().map(|e| (format!("param.{}", e.name), ColumnType::Number)));
         Self {
             states: vec![0.0; catalogue.states.len()],
             algebraics: vec![0.0; catalogue.algebraics.len()],

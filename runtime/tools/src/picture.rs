@@ -31,7 +31,7 @@ pub use drawing::Drawing;
 pub use font::Weight;
 pub use layout::Heading;
 pub use make::{NominalError, SavedError, nominal, of_tables};
-pub use plan::{Kind, PanelPlan, Part, ShowError, plan, split_names};
+pub use plan::{PageSection, PanelPlan, PlotKind, ShowError, plan, split_names};
 pub(crate) use quantity::{duration, short};
 pub use run::{Follower, Followings, Run};
 pub(crate) use run::{Tracing, followed};

@@ -21,7 +21,7 @@ use crate::policy::Policy;
 
 /// The result of a test.
 #[derive(Clone, Debug)]
-pub(crate) struct Outcome {
+pub(crate) struct TestResult {
     /// Name of the test.
     pub name: String,
     /// Line of its name.
@@ -90,13 +90,13 @@ fn chosen(body: &[Statement], options: &LoadOptions) -> LoadOptions {
 ///
 /// # Errors
 /// See [`LoadError`].
-pub(crate) fn run(file: &Path, group: &Group, report: &mut dyn FnMut(Outcome)) -> Result<Loaded, LoadError> {
+pub(crate) fn run(file: &Path, group: &Group, report: &mut dyn FnMut(TestResult)) -> Result<Loaded, LoadError> {
     let loaded = load(file, &LoadOptions { tests: Some(group.names.clone()), ..group.options.clone() })?;
     for test in &loaded.model.interface().tests {
         let begin = Instant::now();
         let faults = Trial::run(&loaded, test).unwrap_or_else(|error| vec![error.to_string()]);
         let line = loaded.sources.locate(test.span).line;
-        report(Outcome { name: test.name.clone(), line, time: begin.elapsed(), faults });
+        report(TestResult { name: test.name.clone(), line, time: begin.elapsed(), faults });
     }
     Ok(loaded)
 }

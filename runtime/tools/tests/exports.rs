@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::export::Target;
 use smpl_compiler::ir::{Builtin, Role};
-use smpl_compiler::layout::{Memory, Part, Region};
+use smpl_compiler::layout::{FramePart, Memory, Region};
 use smpl_runtime::catalogue::Catalogue;
 use smpl_runtime::load::{LoadOptions, Loaded, load};
 use smpl_runtime::scenario::Variant;
@@ -181,7 +181,7 @@ fn place(name: &str, model: &CompiledModel, k: &Catalogue) -> (Region, usize) {
     }
     let (kind, inside) = name.strip_suffix(')').and_then(|n| n.split_once('(')).unwrap_or_else(|| panic!("no place for {name}"));
     let last = || inside.rsplit(',').next().and_then(|n| n.parse::<usize>().ok()).expect("a number") - 1;
-    let frame: fn(Part) -> Region = match kind {
+    let frame: fn(FramePart) -> Region = match kind {
         "draw" => return (Region::Draw, last()),
         "integral" => return (Region::Quadrature, last()),
         "given" => return (Region::ParamGiven, k.parameters.find(inside).expect("a parameter").at),
@@ -191,11 +191,11 @@ fn place(name: &str, model: &CompiledModel, k: &Catalogue) -> (Region, usize) {
         _ => panic!("no place for {name}"),
     };
     for (family, part) in [
-        (&k.states, Part::Y),
-        (&k.solved, Part::Y),
-        (&k.actions, Part::Action),
-        (&k.discretes, Part::Discrete),
-        (&k.disturbances, Part::Disturbance),
+        (&k.states, FramePart::Y),
+        (&k.solved, FramePart::Y),
+        (&k.actions, FramePart::Action),
+        (&k.discretes, FramePart::Discrete),
+        (&k.disturbances, FramePart::Disturbance),
     ] {
         if let Some(element) = family.find(inside) {
             return (frame(part), element.at);

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use smpl_runtime::environment::{Environment, ResetOptions};
 use smpl_runtime::load::{self, LoadOptions};
 use smpl_runtime::setup::Setup;
-use smpl_runtime::trajectory::{Cell, Kind, Recorder, Table};
+use smpl_runtime::trajectory::{Cell, ColumnType, Recorder, Table};
 use smpl_tools::picture::drawing::Frame;
 use smpl_tools::picture::items::Role;
 use smpl_tools::picture::{Follower, Format, Heading, Picture, Run, heading, items, plan, split_names};
@@ -239,7 +239,7 @@ fn values_that_are_missing_or_beyond_measure_still_make_a_picture() {
 fn table_of(columns: &[(String, f64, f64)], end: f64) -> Table {
     const ROWS: usize = 12;
     let names = ["step", "time"].into_iter().chain(columns.iter().map(|(name, ..)| name.as_str()));
-    let mut table = Table::new(names.map(|name| (name.to_owned(), Kind::Number)).collect());
+    let mut table = Table::new(names.map(|name| (name.to_owned(), ColumnType::Number)).collect());
     for row in 0..ROWS {
         let share = row as f64 / (ROWS - 1) as f64;
         let values = columns.iter().map(|(_, low, width)| low + width * share);

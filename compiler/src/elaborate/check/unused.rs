@@ -148,10 +148,10 @@ fn is_of_component(l: &Lowering<'_, '_>, connector: &Ident, binder: &Binder) -> 
 }
 
 /// Structural parameters and body of a component.
-type Part<'a> = (&'a [(Ident, Option<Expr>)], &'a [Statement]);
+type ComponentBody<'a> = (&'a [(Ident, Option<Expr>)], &'a [Statement]);
 
 /// A component and those that it extends.
-fn with_bases<'a>(l: &Lowering<'_, 'a>, component: &'a Statement) -> Vec<Part<'a>> {
+fn with_bases<'a>(l: &Lowering<'_, 'a>, component: &'a Statement) -> Vec<ComponentBody<'a>> {
     const DEEPEST: usize = 32;
     let (mut out, mut at) = (Vec::new(), Some(component));
     while let Some(Statement { kind: StatementKind::Component { parameters, extends, body, .. }, .. }) = at.filter(|_| out.len() < DEEPEST)

@@ -5,7 +5,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, Statement, StatementKind};
 
 use crate::elaborate::episode::common::store;
-use crate::elaborate::episode::together::{Assignment, Draft, Kind};
+use crate::elaborate::episode::together::{Assignment, AssignmentKind, Draft};
 use crate::elaborate::episode::unknown::doubting;
 use crate::elaborate::lower::nests::for_each_element;
 use crate::elaborate::lower::place::{Place, Site};
@@ -90,11 +90,11 @@ pub(in crate::elaborate) fn instant_statement(
         return l.ledger.report(Diagnostic::error(codes::MISPLACED_BLOCK, message, statement.span));
     };
     let kind = match statement.kind {
-        StatementKind::Next { .. } => Kind::Next,
-        StatementKind::Reset { .. } => Kind::Reset,
-        _ => Kind::Clamp,
+        StatementKind::Next { .. } => AssignmentKind::Next,
+        StatementKind::Reset { .. } => AssignmentKind::Reset,
+        _ => AssignmentKind::Clamp,
     };
-    if kind != Kind::Next {
+    if kind != AssignmentKind::Next {
         let parts: Vec<&Expr> = [assigned.target, assigned.value].into_iter().chain(assigned.condition).collect();
         l.loops.counted = l.symbols.counted_cells(assigned.binders, &parts, &place);
     }
@@ -105,7 +105,7 @@ pub(in crate::elaborate) fn instant_statement(
         let Some((var, at, v, whole)) = piece.value else { continue };
         let mut extents = piece.extents;
         extents.extend(whole);
-        if kind == Kind::Next && !assignments.exclusive {
+        if kind == AssignmentKind::Next && !assignments.exclusive {
             check_next(l, assignments, (scope, instant), var, (&extents, at), (statement.span, Setter::Next));
         }
         draft.push(l, block, kind, Assignment { extents, store: store(Memory::Var(var), at, v) });

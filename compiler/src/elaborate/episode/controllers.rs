@@ -14,7 +14,7 @@ use crate::elaborate::episode::assignments::{Assignments, Setter, check_next};
 use crate::elaborate::episode::common::store;
 use crate::elaborate::episode::parameters::limits;
 use crate::elaborate::episode::regular;
-use crate::elaborate::episode::together::{Assignment, Draft, Kind};
+use crate::elaborate::episode::together::{Assignment, AssignmentKind, Draft};
 use crate::elaborate::hidden::element;
 use crate::elaborate::lower::place::{Bound, Place, Site};
 use crate::elaborate::lower::value::{Measure, Value};
@@ -48,7 +48,7 @@ pub(super) fn controller(
         check_next(l, assignments, (scope, "every"), var, (&piece.extents, at), (span, Setter::Control));
         for (var, at, value) in [(var, at, value), (memory.0, memory.1, error)] {
             let store = store(Memory::Var(var), at, value);
-            draft.push(l, span, Kind::Next, Assignment { extents: piece.extents.clone(), store });
+            draft.push(l, span, AssignmentKind::Next, Assignment { extents: piece.extents.clone(), store });
         }
     }
 }

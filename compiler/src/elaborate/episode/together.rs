@@ -14,7 +14,7 @@ use crate::ir::{
 
 /// Kind of a statement of an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::elaborate) enum Kind {
+pub(in crate::elaborate) enum AssignmentKind {
     /// `next`
     Next,
     /// `reset`
@@ -51,17 +51,17 @@ impl Draft {
     }
 
     /// Adds an assignment of a block.
-    pub(in crate::elaborate) fn push(&mut self, l: &mut Lowering<'_, '_>, block: Span, kind: Kind, assignment: Assignment) {
-        if kind == Kind::Next && self.nexts_first {
+    pub(in crate::elaborate) fn push(&mut self, l: &mut Lowering<'_, '_>, block: Span, kind: AssignmentKind, assignment: Assignment) {
+        if kind == AssignmentKind::Next && self.nexts_first {
             return self.first.push(assignment);
         }
-        if kind == Kind::Clamp || self.block.is_some_and(|b| b != block) {
+        if kind == AssignmentKind::Clamp || self.block.is_some_and(|b| b != block) {
             self.close(l);
         }
         self.block = Some(block);
         match kind {
-            Kind::Clamp => self.nests.push(Nest::over(assignment.extents, vec![assignment.store])),
-            _ => self.open.push((kind == Kind::Next, assignment)),
+            AssignmentKind::Clamp => self.nests.push(Nest::over(assignment.extents, vec![assignment.store])),
+            _ => self.open.push((kind == AssignmentKind::Next, assignment)),
         }
     }
 

@@ -19,7 +19,7 @@ use crate::elaborate::space::{directions, placed};
 use crate::elaborate::symbols::{Scheme, Symbols};
 
 /// Result of the elaboration with marks.
-enum Outcome {
+enum MarkedFlux {
     /// As if all came from below; also where there are faults, which the usual way reports.
     Plain,
     Built(Value),
@@ -32,17 +32,17 @@ pub(in crate::elaborate) fn directed(l: &mut Lowering<'_, '_>, flux: &Flux, plac
         let v = s.value(&flux.inner, place);
         let flow = match directions::flow(s, v.expr, flux.inner.span) {
             Ok(flow) => flow,
-            Err(fault) => return Outcome::Fault(*fault),
+            Err(fault) => return MarkedFlux::Fault(*fault),
         };
         if v.is_poison() || flow.directions.iter().all(|d| *d == Direction::Below) {
-            return Outcome::Plain;
+            return MarkedFlux::Plain;
         }
-        placed::placed(s, v, &flow).map_or(Outcome::Plain, Outcome::Built)
+        placed::placed(s, v, &flow).map_or(MarkedFlux::Plain, MarkedFlux::Built)
     });
     match outcome {
-        Outcome::Plain => l.value(&flux.inner, place),
-        Outcome::Built(v) => v,
-        Outcome::Fault(fault) => l.fault(fault),
+        MarkedFlux::Plain => l.value(&flux.inner, place),
+        MarkedFlux::Built(v) => v,
+        MarkedFlux::Fault(fault) => l.fault(fault),
     }
 }
 
@@ -62,20 +62,20 @@ pub(in crate::elaborate) fn entering(
     }
     let outcome = with_marks(l, |s| {
         let v = s.value(&flux.inner, place);
-        let Ok(flow) = directions::flow(s, v.expr, flux.inner.span) else { return Outcome::Plain };
+        let Ok(flow) = directions::flow(s, v.expr, flux.inner.span) else { return MarkedFlux::Plain };
         if v.is_poison() {
-            return Outcome::Plain;
+            return MarkedFlux::Plain;
         }
-        placed::turning(s, (&given, text, outer), v, &flow, is_low).map_or(Outcome::Plain, Outcome::Built)
+        placed::turning(s, (&given, text, outer), v, &flow, is_low).map_or(MarkedFlux::Plain, MarkedFlux::Built)
     });
     match outcome {
-        Outcome::Built(v) => v,
-        Outcome::Plain | Outcome::Fault(_) => given,
+        MarkedFlux::Built(v) => v,
+        MarkedFlux::Plain | MarkedFlux::Fault(_) => given,
     }
 }
 
 /// Elaborates something with marks for face values; leaves no trace unless it is what was wanted.
-fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<'m, 'a>) -> Outcome) -> Outcome {
+fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<'m, 'a>) -> MarkedFlux) -> MarkedFlux {
     let before = l.ledger.trace();
     let (nodes, diagnostics) = (l.exprs.len(), l.ledger.reports.diagnostics.len());
     let drawn = l.hidden.len();
@@ -85,9 +85,9 @@ fn with_marks<'m, 'a>(l: &mut Lowering<'m, 'a>, body: impl FnOnce(&mut Lowering<
     l.ledger.speculation.end();
     l.fluxes.faces = outer;
     if l.ledger.reports.diagnostics.len() > diagnostics {
-        outcome = Outcome::Plain;
+        outcome = MarkedFlux::Plain;
     }
-    if matches!(outcome, Outcome::Built(_)) {
+    if matches!(outcome, MarkedFlux::Built(_)) {
         l.ledger.speculation.settle(&mut l.ledger.reports);
     } else {
         l.ledger.roll_back(before, l.expansions);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use super::Parts;
 use super::units;
-use super::variables::{Kind, Variable};
+use super::variables::{FmuRole, Variable};
 use crate::export::Origin;
 
 /// Text in XML.
@@ -97,22 +97,22 @@ fn bound(variable: &Variable, of: impl Fn(&crate::export::Element) -> f64, wides
 /// The nominal value of a state times the tolerance is what an importer's integrator takes as
 /// absolute tolerance: it is the model's.
 fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
-    let tag = if variable.kind == Kind::Switch { "Boolean" } else { "Float64" };
+    let tag = if variable.kind == FmuRole::Switch { "Boolean" } else { "Float64" };
     let mut xml = format!("    <{tag} name=\"{}\" valueReference=\"{reference}\"", escaped(&variable.name));
     if !variable.text.is_empty() {
         let _ = write!(xml, " description=\"{}\"", escaped(&variable.text));
     }
     xml += match variable.kind {
-        Kind::Time => " causality=\"independent\" variability=\"continuous\"",
-        Kind::State => " causality=\"local\" variability=\"continuous\" initial=\"exact\"",
-        Kind::Rate(_) | Kind::Local => " causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
-        Kind::Input => " causality=\"input\" variability=\"continuous\"",
-        Kind::Output => " causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
-        Kind::Discrete => " causality=\"local\" variability=\"discrete\" initial=\"exact\"",
-        Kind::Parameter | Kind::Switch => " causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
-        Kind::Shaped => " causality=\"local\" variability=\"constant\" initial=\"exact\"",
+        FmuRole::Time => " causality=\"independent\" variability=\"continuous\"",
+        FmuRole::State => " causality=\"local\" variability=\"continuous\" initial=\"exact\"",
+        FmuRole::Rate(_) | FmuRole::Local => " causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
+        FmuRole::Input => " causality=\"input\" variability=\"continuous\"",
+        FmuRole::Output => " causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
+        FmuRole::Discrete => " causality=\"local\" variability=\"discrete\" initial=\"exact\"",
+        FmuRole::Parameter | FmuRole::Switch => " causality=\"parameter\" variability=\"tunable\" initial=\"exact\"",
+        FmuRole::Shaped => " causality=\"local\" variability=\"constant\" initial=\"exact\"",
     };
-    if let Kind::Rate(state) = variable.kind {
+    if let FmuRole::Rate(state) = variable.kind {
         let _ = write!(xml, " derivative=\"{state}\"");
     }
     if variable.reinit {
@@ -121,22 +121,22 @@ fn describe(reference: usize, variable: &Variable, atol_factor: f64) -> String {
     if is_unit(&variable.unit) {
         let _ = write!(xml, " unit=\"{}\"", escaped(&variable.unit));
     }
-    if !matches!(variable.kind, Kind::Rate(_)) {
+    if !matches!(variable.kind, FmuRole::Rate(_)) {
         if let Some(low) = bound(variable, |e| e.low, f64::min) {
             let _ = write!(xml, " min=\"{low:?}\"");
         }
         if let Some(high) = bound(variable, |e| e.high, f64::max) {
             let _ = write!(xml, " max=\"{high:?}\"");
         }
-        let factor = if variable.kind == Kind::State { atol_factor } else { 1.0 };
+        let factor = if variable.kind == FmuRole::State { atol_factor } else { 1.0 };
         let scale = factor * variable.elements.iter().map(|e| e.scale).fold(0.0, f64::max);
         if scale.is_finite() && scale > 0.0 {
             let _ = write!(xml, " nominal=\"{scale:?}\"");
         }
     }
-    if variable.kind == Kind::Switch {
+    if variable.kind == FmuRole::Switch {
         xml += " start=\"true\"";
-    } else if matches!(variable.kind, Kind::State | Kind::Input | Kind::Discrete | Kind::Parameter | Kind::Shaped) {
+    } else if matches!(variable.kind, FmuRole::State | FmuRole::Input | FmuRole::Discrete | FmuRole::Parameter | FmuRole::Shaped) {
         let starts: Vec<String> = variable.elements.iter().map(|e| format!("{:?}", e.nominal)).collect();
         let _ = write!(xml, " start=\"{}\"", starts.join(" "));
     }
@@ -158,10 +158,10 @@ fn structure(list: &[Variable]) -> String {
             let _ = writeln!(xml, "    <{tag} valueReference=\"{reference}\"/>");
         }
     };
-    let is_rate = |v: &Variable| matches!(v.kind, Kind::Rate(_));
-    tell("Output", &|v| v.kind == Kind::Output);
+    let is_rate = |v: &Variable| matches!(v.kind, FmuRole::Rate(_));
+    tell("Output", &|v| v.kind == FmuRole::Output);
     tell("ContinuousStateDerivative", &is_rate);
-    tell("InitialUnknown", &|v| v.kind == Kind::Output || is_rate(v));
+    tell("InitialUnknown", &|v| v.kind == FmuRole::Output || is_rate(v));
     tell("EventIndicator", &|v| v.source == super::variables::Source::Event);
     xml + "  </ModelStructure>\n"
 }
@@ -185,7 +185,7 @@ pub(super) fn elements(parts: &Parts<'_>) -> String {
         if plain { text.to_owned() } else { format!("\"{}\"", text.replace('"', "\"\"")) }
     };
     let number = |x: f64| if x.is_nan() { String::new() } else { format!("{x:?}") };
-    for variable in parts.variables.list.iter().filter(|v| !matches!(v.kind, Kind::Rate(_))) {
+    for variable in parts.variables.list.iter().filter(|v| !matches!(v.kind, FmuRole::Rate(_))) {
         for (place, e) in variable.elements.iter().enumerate() {
             let numbers = [e.low, e.high, e.scale, e.nominal].map(number).join(",");
             let _ = writeln!(text, "{},{place},{},{},{numbers}", field(&variable.name), field(&e.name), field(&e.unit));

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::variables::{Kind, Source, Variable};
+use super::variables::{FmuRole, Source, Variable};
 use super::{Parts, TOKEN};
 use crate::export::c::{number, quoted, wrapped};
 use crate::export::sheet::Array;
@@ -81,7 +81,7 @@ impl Tables<'_> {
         }
         text.table(("smpl_variable", "smpl_variables", "SMPL_VARIABLES"), &entries);
         text.numbers("int", "smpl_places", &places);
-        let movable = |v: &&Variable| v.source == Source::P && matches!(v.kind, Kind::Discrete | Kind::Input);
+        let movable = |v: &&Variable| v.source == Source::P && matches!(v.kind, FmuRole::Discrete | FmuRole::Input);
         let movables: Vec<String> =
             self.parts.variables.list.iter().filter(movable).flat_map(|v| &v.places).map(ToString::to_string).collect();
         text.table(("int", "smpl_movables", "SMPL_MOVABLES"), &movables);
@@ -214,12 +214,12 @@ fn source(source: Source) -> &'static str {
 
 fn role(variable: &Variable) -> &'static str {
     match variable.kind {
-        Kind::Input => "SMPL_INPUT",
-        Kind::State if variable.reinit => "SMPL_RESET_STATE",
-        Kind::State => "SMPL_STATE",
-        Kind::Discrete => "SMPL_START",
-        Kind::Parameter | Kind::Switch => "SMPL_PARAMETER",
-        Kind::Shaped => "SMPL_SHAPED",
+        FmuRole::Input => "SMPL_INPUT",
+        FmuRole::State if variable.reinit => "SMPL_RESET_STATE",
+        FmuRole::State => "SMPL_STATE",
+        FmuRole::Discrete => "SMPL_START",
+        FmuRole::Parameter | FmuRole::Switch => "SMPL_PARAMETER",
+        FmuRole::Shaped => "SMPL_SHAPED",
         _ => "SMPL_CALCULATED",
     }
 }

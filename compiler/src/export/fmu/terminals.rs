@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::Parts;
 use super::description::escaped;
-use super::variables::{Kind, Variable};
+use super::variables::{FmuRole, Variable};
 use crate::model::PortMember;
 
 /// The terminals; `None` where no component has ports.
@@ -33,6 +33,6 @@ pub(super) fn describe(parts: &Parts<'_>) -> Option<String> {
 }
 
 fn variable<'v>(list: &'v [Variable], member: &PortMember) -> Option<&'v Variable> {
-    let named = |name: &String, kind: Kind| list.iter().find(|v| v.kind == kind && v.name == *name);
-    member.equals.as_ref().and_then(|name| named(name, Kind::Input)).or_else(|| named(&member.output, Kind::Output))
+    let named = |name: &String, kind: FmuRole| list.iter().find(|v| v.kind == kind && v.name == *name);
+    member.equals.as_ref().and_then(|name| named(name, FmuRole::Input)).or_else(|| named(&member.output, FmuRole::Output))
 }

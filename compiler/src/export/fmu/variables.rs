@@ -24,7 +24,7 @@ pub(super) enum Source {
 
 /// Public role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum FmuRole {
     Time,
     State,
     /// Rate of the state of that value reference.
@@ -46,7 +46,7 @@ pub(super) struct Variable {
     pub text: String,
     pub unit: String,
     pub source: Source,
-    pub kind: Kind,
+    pub kind: FmuRole,
     /// Lengths of its axes; none for a scalar.
     pub shape: Vec<usize>,
     pub elements: Vec<Element>,
@@ -72,12 +72,12 @@ impl Variables {
         variables.add_states(sheet);
         let (i, f) = (&sheet.model.interface, &sheet.families);
         let (parameters, discretes) = (f.parameters.len() as u32, f.discretes.len() as u32);
-        let parameter = |q: &Quantity| if q.structural || reads_steady { Kind::Shaped } else { Kind::Parameter };
-        variables.add(&i.quantities.actions, &f.actions, (Source::U, 0), |_| Kind::Input);
-        variables.add(&i.quantities.disturbances, &f.disturbances, (Source::P, parameters + discretes), |_| Kind::Input);
-        variables.add(&i.quantities.algebraics, &f.outputs, (Source::Out, 0), |_| Kind::Output);
-        variables.add(&i.quantities.solved, &f.solved, (Source::Z, f.states.len() as u32), |_| Kind::Local);
-        variables.add(&i.quantities.discretes, &f.discretes, (Source::P, parameters), |_| Kind::Discrete);
+        let parameter = |q: &Quantity| if q.structural || reads_steady { FmuRole::Shaped } else { FmuRole::Parameter };
+        variables.add(&i.quantities.actions, &f.actions, (Source::U, 0), |_| FmuRole::Input);
+        variables.add(&i.quantities.disturbances, &f.disturbances, (Source::P, parameters + discretes), |_| FmuRole::Input);
+        variables.add(&i.quantities.algebraics, &f.outputs, (Source::Out, 0), |_| FmuRole::Output);
+        variables.add(&i.quantities.solved, &f.solved, (Source::Z, f.states.len() as u32), |_| FmuRole::Local);
+        variables.add(&i.quantities.discretes, &f.discretes, (Source::P, parameters), |_| FmuRole::Discrete);
         variables.add(&i.quantities.parameters, &f.parameters, (Source::P, 0), parameter);
         variables.add_observations(sheet);
         variables.add_events(sheet);
@@ -88,7 +88,7 @@ impl Variables {
 
     fn add_time(&mut self, sheet: &Sheet) {
         let Time { name, unit } = &sheet.model.interface.time;
-        self.list.push(Variable { kind: Kind::Time, ..scalar(name, "time", unit, Source::Time) });
+        self.list.push(Variable { kind: FmuRole::Time, ..scalar(name, "time", unit, Source::Time) });
     }
 
     /// States with their rates behind them.
@@ -107,9 +107,9 @@ impl Variables {
             let elements: Vec<Element> = places.iter().map(|&at| f.states[at as usize].clone()).collect();
             self.states.extend(&places);
             let state = self.list.len();
-            let own = variable(quantity, elements.clone(), places.clone(), (Source::Y, Kind::State));
+            let own = variable(quantity, elements.clone(), places.clone(), (Source::Y, FmuRole::State));
             self.list.push(Variable { reinit: places.iter().any(|place| reset.contains(place)), ..own });
-            let mut rate = variable(quantity, elements, places, (Source::Yp, Kind::Rate(state)));
+            let mut rate = variable(quantity, elements, places, (Source::Yp, FmuRole::Rate(state)));
             rate.name = format!("der({})", rate.name);
             rate.text = format!("rate of {}", quantity.name);
             rate.unit = units::rate(&quantity.unit, &i.time.unit).unwrap_or_default();
@@ -117,7 +117,7 @@ impl Variables {
         }
     }
 
-    fn add(&mut self, quantities: &[Quantity], elements: &[Element], (source, first): (Source, u32), kind: impl Fn(&Quantity) -> Kind) {
+    fn add(&mut self, quantities: &[Quantity], elements: &[Element], (source, first): (Source, u32), kind: impl Fn(&Quantity) -> FmuRole) {
         let mut at = 0;
         for quantity in quantities {
             let range = at..at + quantity.len();
@@ -144,13 +144,13 @@ impl Variables {
             let all = scalar("observations", "what is observed, in the order of resources/elements.csv", "", Source::Observed);
             let elements: Vec<Element> = observed.iter().map(element).collect();
             let places = (0..observed.len() as u32).collect();
-            self.list.push(Variable { kind: Kind::Output, shape: vec![observed.len()], elements, places, ..all });
+            self.list.push(Variable { kind: FmuRole::Output, shape: vec![observed.len()], elements, places, ..all });
             return;
         }
         for (at, o) in (0..).zip(observed) {
             let text = format!("observed {}, without noise and delay", o.name);
             let one = scalar(&format!("obs_{}", o.name), &text, &o.unit, Source::Observed);
-            self.list.push(Variable { kind: Kind::Output, elements: vec![element(o)], places: vec![at], ..one });
+            self.list.push(Variable { kind: FmuRole::Output, elements: vec![element(o)], places: vec![at], ..one });
         }
     }
 
@@ -163,7 +163,7 @@ impl Variables {
         }
         if !roots.is_empty() || !sheet.model.interface.finish.failures.is_empty() {
             let text = "whether a failure of the model ends the simulation";
-            self.list.push(Variable { kind: Kind::Switch, ..scalar("stop_at_failure", text, "", Source::Switch) });
+            self.list.push(Variable { kind: FmuRole::Switch, ..scalar("stop_at_failure", text, "", Source::Switch) });
         }
     }
 
@@ -179,7 +179,8 @@ impl Variables {
     }
 
     fn check_starts(&self) -> Result<(), ExportError> {
-        let needs = |v: &&Variable| !matches!(v.kind, Kind::Time | Kind::Rate(_) | Kind::Output | Kind::Local | Kind::Switch);
+        let needs =
+            |v: &&Variable| !matches!(v.kind, FmuRole::Time | FmuRole::Rate(_) | FmuRole::Output | FmuRole::Local | FmuRole::Switch);
         let mut elements = self.list.iter().filter(needs).flat_map(|v| &v.elements);
         match elements.find(|e| !e.nominal.is_finite()) {
             Some(e) => Err(ExportError::NoStart { name: e.name.clone() }),
@@ -201,7 +202,7 @@ fn scalar(name: &str, text: &str, unit: &str, source: Source) -> Variable {
         text: text.to_owned(),
         unit: unit.to_owned(),
         source,
-        kind: Kind::Local,
+        kind: FmuRole::Local,
         shape: vec![],
         elements: vec![],
         places: vec![0],
@@ -209,7 +210,7 @@ fn scalar(name: &str, text: &str, unit: &str, source: Source) -> Variable {
     }
 }
 
-fn variable(quantity: &Quantity, elements: Vec<Element>, places: Vec<u32>, (source, kind): (Source, Kind)) -> Variable {
+fn variable(quantity: &Quantity, elements: Vec<Element>, places: Vec<u32>, (source, kind): (Source, FmuRole)) -> Variable {
     let shape = quantity.axes.iter().map(crate::model::Axis::len).collect();
     let unit = quantity.unit.clone();
     Variable { name: quantity.name.clone(), text: quantity.text.clone(), unit, source, kind, shape, elements, places, reinit: false }

@@ -40,7 +40,7 @@ pub(super) struct Settled {
 
 /// Treatment of constraints.
 #[derive(Default)]
-pub(super) struct Outcome {
+pub(super) struct SettledConstraints {
     /// Those from which something follows.
     pub(super) settled: Vec<Settled>,
     /// Those that states are projected to.
@@ -48,7 +48,7 @@ pub(super) struct Outcome {
 }
 
 /// Settles each constraint; `None` if no choice of states was found.
-pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Option<Outcome> {
+pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Option<SettledConstraints> {
     let numbers: Vec<usize> = (0..system.nodes.len()).filter(|&i| system.nodes[i].derivative.is_some()).collect();
     let nodes: Vec<Node> = numbers.iter().map(|&i| system.nodes[i].clone()).collect();
     let found = if nodes.iter().all(|node| node.extents.is_empty()) {
@@ -94,7 +94,7 @@ fn may_vanish(model: &mut Model, s: &Settled) -> bool {
 
 /// Takes the constraints apart that share no state: those of which a pivot could vanish are
 /// projected.
-fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -> Outcome {
+fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -> SettledConstraints {
     let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|s| states_of(model, std::slice::from_ref(&s.node))).collect();
     let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
     states.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&state| with.entry(state).or_default().push(i)));
@@ -104,7 +104,7 @@ fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -
         next.dedup();
         next
     });
-    let mut outcome = Outcome::default();
+    let mut outcome = SettledConstraints::default();
     for part in crate::graph::connected(&next.collect::<Vec<_>>()) {
         let only_states = part.iter().all(|&i| model.vars[found[i].var].role == Role::State);
         let group = (only_states && part.iter().any(|&i| found[i].varies)).then(|| {

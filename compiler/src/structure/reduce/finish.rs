@@ -9,7 +9,7 @@ use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Nest,
 use crate::model::{Axis, Demoted, Model, Quantity, Row, Variable};
 
 /// The elements of a variable that stay states while others follow from constraints.
-struct Part {
+struct RemainingState {
     piece: Piece,
     state: VarId,
     /// The elements of the variable, in the order of the new state.
@@ -47,7 +47,7 @@ pub(super) fn finish(model: &mut Model, top: Vec<Settled>, settled: Vec<Settled>
         }
         helpers.extend(make_algebraic(model, var, &gone, &parts));
         for part in parts {
-            let Part { piece, state, elements } = part;
+            let RemainingState { piece, state, elements } = part;
             let own = whole_of(&piece.extents, elements.len());
             let (x, w) = (model.exprs.load(var, Flavour::Value, piece.at), model.exprs.load(state, Flavour::Value, own));
             let residual = model.exprs.sub(w, x);
@@ -68,7 +68,7 @@ fn rate_row(exprs: &mut Exprs, var: VarId, piece: Piece) -> Row {
 }
 
 /// The parts of a variable that stay states, each with a new variable.
-fn kept_parts(model: &mut Model, var: VarId, list: Vec<Piece>, gone: &[bool]) -> Vec<Part> {
+fn kept_parts(model: &mut Model, var: VarId, list: Vec<Piece>, gone: &[bool]) -> Vec<RemainingState> {
     let mut parts = Vec::new();
     for piece in list {
         for piece in kept(&mut model.exprs, piece, gone) {
@@ -77,7 +77,7 @@ fn kept_parts(model: &mut Model, var: VarId, list: Vec<Piece>, gone: &[bool]) ->
             let Variable { name, span, .. } = model.vars[var].clone();
             let new = Variable { name: format!("free({name})"), role: Role::State, len: elements.len() as u32, span };
             let state = model.vars.push(new);
-            parts.push(Part { piece, state, elements });
+            parts.push(RemainingState { piece, state, elements });
         }
     }
     parts
@@ -186,7 +186,7 @@ fn put_fixed(model: &mut Model, fixed: &[(VarId, i64)], moved: &FastMap<(VarId, 
 }
 
 /// Records the elements that follow from constraints.
-fn record(model: &mut Model, var: VarId, gone: &[bool], parts: &[Part]) {
+fn record(model: &mut Model, var: VarId, gone: &[bool], parts: &[RemainingState]) {
     let Some(quantity) = model.interface.quantities.states.iter().find(|q| q.var == Some(var)).cloned() else { return };
     let names = gone.iter().enumerate().filter(|(_, gone)| **gone).map(|(i, _)| quantity.element_name(i));
     let demoted = Demoted { name: quantity.name.clone(), elements: names.collect(), whole: parts.is_empty() };
@@ -195,7 +195,7 @@ fn record(model: &mut Model, var: VarId, gone: &[bool], parts: &[Part]) {
 
 /// Makes a variable algebraic, but for the parts that stay states; the quantity that its unknowns
 /// have where its declaration is of some of them only.
-fn make_algebraic(model: &mut Model, var: VarId, gone: &[bool], parts: &[Part]) -> Option<Quantity> {
+fn make_algebraic(model: &mut Model, var: VarId, gone: &[bool], parts: &[RemainingState]) -> Option<Quantity> {
     model.vars[var].role = Role::Algebraic;
     let at = model.unknowns.iter().position(|other| *other == var)?;
     model.unknowns.splice(at..=at, parts.iter().map(|part| part.state));
@@ -261,7 +261,7 @@ fn outputs(model: &mut Model, var: VarId, first: usize, elements: &[i64]) {
 }
 
 /// Lets a part start where the variable does.
-fn start_of(model: &mut Model, var: VarId, part: &Part) {
+fn start_of(model: &mut Model, var: VarId, part: &RemainingState) {
     let own = whole_of(&part.piece.extents, part.elements.len());
     let value: ExprId = model.exprs.load(var, Flavour::Value, part.piece.at);
     let target = Target { place: Place::Var(part.state), at: own };

@@ -1,6 +1,6 @@
 //! The integration of derivatives from event to event, and what happens to them there.
 
-use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::compiled::tangent::TangentProgram;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::RootAction;
@@ -182,7 +182,7 @@ impl Environment {
         }
         if let Some((at, reach)) = own {
             let breaks = self.system.model().breaks();
-            self.run_tangent(follower, Part::Breaks, (t, &[]), breaks)?;
+            self.run_tangent(follower, TangentProgram::Breaks, (t, &[]), breaks)?;
             let tangents = &follower.tangents;
             let here = (0..breaks).filter(|&k| (tangents.value(k) - at).abs() <= reach);
             here.for_each(|k| motion.add(|j| tangents.output(k, j)));
@@ -351,7 +351,7 @@ impl Environment {
         let roots = self.progress.edges.len();
         for &k in fired.iter().filter(|&&k| k < roots) {
             if let (1, RootAction::Run(program)) = (follower.engine.integrator.events()[k], self.setup.model().roots_info()[k].action) {
-                self.run_tangent(follower, Part::Event(program), (t, moving), 0)?;
+                self.run_tangent(follower, TangentProgram::Event(program), (t, moving), 0)?;
                 let (model, memory) = self.system.parts();
                 model.event(program as usize, memory, t, &mut self.progress.y);
             }
@@ -447,7 +447,7 @@ impl Environment {
     /// Derivatives of the time of one condition along each direction.
     fn find_motion(&mut self, follower: &mut Follower, k: usize, t: f64) -> Result<(), FollowError> {
         let (roots, outputs) = (self.progress.edges.len(), self.system.model().watched().len());
-        self.run_tangent(follower, Part::Roots, (t, &[]), outputs)?;
+        self.run_tangent(follower, TangentProgram::Roots, (t, &[]), outputs)?;
         let Follower { tangents, space: Space { motion, .. }, .. } = &mut *follower;
         motion.clear();
         motion.extend((0..tangents.width()).map(|j| tangents.output(k, j)));
@@ -477,7 +477,9 @@ impl Environment {
         std::mem::swap(&mut along, &mut follower.tangents);
         // The past moves by its rates, which the equations hold.
         let past = follower.past.take();
-        let done = self.follow_algebraic(follower, t, &[1.0]).and_then(|()| self.run_tangent(follower, Part::Roots, (t, &[1.0]), outputs));
+        let done = self
+            .follow_algebraic(follower, t, &[1.0])
+            .and_then(|()| self.run_tangent(follower, TangentProgram::Roots, (t, &[1.0]), outputs));
         follower.past = past;
         std::mem::swap(&mut along, &mut follower.tangents);
         let found = done.map(|()| along.output(at, 0));

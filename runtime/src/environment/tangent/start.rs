@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use smpl_compiler::compiled::tangent::Part;
+use smpl_compiler::compiled::tangent::TangentProgram;
 use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot};
 use smpl_compiler::layout::Region;
 
@@ -72,7 +72,7 @@ impl Environment {
         let time = self.time();
         let discretes = self.system.memory().layout().range(Region::Discrete);
         for _ in 0..=setup.programs.start_passes {
-            self.run_tangent(follower, Part::InitialDiscretes, (time, &[]), 0)?;
+            self.run_tangent(follower, TangentProgram::InitialDiscretes, (time, &[]), 0)?;
             let given = options.discrete.keys().chain(setup.options.initial.keys());
             for element in given.filter_map(|name| setup.catalogue.discretes.find(name)) {
                 follower.tangents.hold(discretes.start + element.at..discretes.start + element.at + 1);
@@ -102,7 +102,7 @@ impl Environment {
             for element in 0..elements {
                 // A given past is run by itself, at its own time.
                 let before = self.system.past_mut().and_then(|past| past.before_start(element, time));
-                let (part, at) = before.map_or((Part::Delayed, time), |at| (Part::Before, at));
+                let (part, at) = before.map_or((TangentProgram::Delayed, time), |at| (TangentProgram::Before, at));
                 if before.is_some() || element == 0 || given {
                     self.run_tangent(follower, part, (at, &[]), elements)?;
                 }
@@ -134,7 +134,7 @@ impl Environment {
         }
         let range = self.system.memory().layout().range(Region::Param);
         follower.seed(&range, parameter);
-        self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0)?;
+        self.run_tangent(follower, TangentProgram::Parameters, (0.0, &[]), 0)?;
         // By a parameter that is computed from others derivatives are taken as if it were given,
         // but only by that one. Each run writes all columns: what is found is put in when the last
         // has run.
@@ -147,7 +147,7 @@ impl Environment {
             let given = std::mem::replace(&mut self.system.region_mut(Region::ParamGiven)[at], 1.0);
             range.clone().for_each(|cell| follower.tangents.set_work(cell, direction, 0.0));
             follower.tangents.set_work(range.start + at, direction, scale);
-            let ran = self.run_tangent(follower, Part::Parameters, (0.0, &[]), 0);
+            let ran = self.run_tangent(follower, TangentProgram::Parameters, (0.0, &[]), 0);
             self.system.region_mut(Region::ParamGiven)[at] = given;
             ran?;
             let Follower { tangents, space, .. } = &mut *follower;
@@ -177,7 +177,7 @@ impl Environment {
         self.draw_disturbances();
         let begin = self.begin;
         if self.setup.programs.has_disturbances {
-            self.run_tangent(follower, Part::Disturb, (begin, &[]), 0)?;
+            self.run_tangent(follower, TangentProgram::Disturb, (begin, &[]), 0)?;
             let (model, memory) = self.system.parts();
             model.disturb(memory, begin);
         }
@@ -187,7 +187,7 @@ impl Environment {
         }
         follower.seed(&disturbances, |d| if let Direction::Disturbance(at) = d { Some(at) } else { None });
         if self.setup.programs.has_start {
-            self.run_tangent(follower, Part::Start, (begin, &[]), 0)?;
+            self.run_tangent(follower, TangentProgram::Start, (begin, &[]), 0)?;
             let (model, memory) = self.system.parts();
             model.start(memory, begin, &mut self.progress.y);
         }

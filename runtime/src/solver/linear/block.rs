@@ -21,7 +21,7 @@ mod structure;
 
 use super::super::{Pattern, SolveError};
 use super::{Klu, Singular};
-use structure::{Cursor, Step, Structure};
+use structure::{BlockStep, Cursor, Structure};
 
 /// A pivot may differ from its diagonal entry by this factor, up or down: beyond it, half of the
 /// digits are roundoff.
@@ -55,7 +55,7 @@ impl Block {
 
     /// Products of the factorisation of large blocks, and those of a substitution.
     pub(crate) fn products(&self) -> (usize, usize) {
-        let large = |step: &Step| if let Step::Large(large) = step { large.products() } else { 0 };
+        let large = |step: &BlockStep| if let BlockStep::Large(large) = step { large.products() } else { 0 };
         (self.structure.steps.iter().map(large).sum(), self.structure.substitution.terms())
     }
 
@@ -136,9 +136,9 @@ impl Block {
             // compared) and from the substitution made with it.
             let serves = unsafe {
                 match *step {
-                    Step::Small { size, single: true } => invert::<1>(&mut small, size, values, factors),
-                    Step::Small { size, single: false } => invert::<LANES>(&mut small, size, values, factors),
-                    Step::Large(ref mut large) => large.eliminate(values, factors),
+                    BlockStep::Small { size, single: true } => invert::<1>(&mut small, size, values, factors),
+                    BlockStep::Small { size, single: false } => invert::<LANES>(&mut small, size, values, factors),
+                    BlockStep::Large(ref mut large) => large.eliminate(values, factors),
                 }
             };
             if !serves {
@@ -273,7 +273,7 @@ mod tests {
             let mut rows = chain(cells, size);
             let x = counting(cells * size);
             let (block, got) = solved(&rows, &x);
-            let several = block.structure.steps.iter().filter(|step| matches!(step, Step::Small { single: false, .. })).count();
+            let several = block.structure.steps.iter().filter(|step| matches!(step, BlockStep::Small { single: false, .. })).count();
             assert_eq!((several, block.structure.steps.len()), (2, 2 + 3));
             assert_close(&got, &x);
             for cell in 0..cells {
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn a_chain_without_feedback_is_inverted_cell_by_cell() {
         let (block, _) = solved(&chain(40, 1), &counting(40));
-        assert!(block.structure.steps.iter().all(|step| matches!(step, Step::Small { size: 1, .. })));
+        assert!(block.structure.steps.iter().all(|step| matches!(step, BlockStep::Small { size: 1, .. })));
         // One term for the cell, one for the cell before.
         assert_eq!(block.structure.substitution.terms(), 2 * 40 - 1);
     }

@@ -39,7 +39,7 @@ const AFTER_CHANGE: f64 = 100.0;
 const RESIDUAL_RECOVERABLE: c_int = 1;
 
 /// The present step, as IDA keeps it.
-struct Step {
+struct IdaStep {
     time: f64,
     cj: f64,
     predicted: Handle,
@@ -49,7 +49,7 @@ struct Step {
     residual: Handle,
 }
 
-impl Step {
+impl IdaStep {
     /// The step that IDA is taking.
     ///
     /// # Safety
@@ -85,7 +85,7 @@ impl Step {
 struct Solve {
     bridge: Lent<Bridge>,
     memory: *mut c_void,
-    step: Step,
+    step: IdaStep,
     /// The corrections so far, which IDA has set to zero.
     sum: Handle,
     weights: Handle,
@@ -101,7 +101,7 @@ impl Solve {
     /// makes.
     unsafe fn new(bridge: Lent<Bridge>, memory: *mut c_void, sum: Handle, weights: Handle, tolerance: f64) -> Self {
         // SAFETY: by the contract.
-        let step = unsafe { Step::of(memory) };
+        let step = unsafe { IdaStep::of(memory) };
         Self { bridge, memory, step, sum, weights, tolerance }
     }
 
@@ -209,13 +209,13 @@ impl Solve {
 
     /// The residual of the prediction.
     fn evaluate_prediction(&mut self) -> c_int {
-        let Step { time, predicted, predicted_derivative, residual, .. } = &mut self.step;
+        let IdaStep { time, predicted, predicted_derivative, residual, .. } = &mut self.step;
         self.bridge.evaluate(*time, predicted, predicted_derivative, residual).err().unwrap_or(0)
     }
 
     /// The residual at y and y'.
     fn evaluate(&mut self) -> c_int {
-        let Step { time, y, yp, residual, .. } = &mut self.step;
+        let IdaStep { time, y, yp, residual, .. } = &mut self.step;
         self.bridge.evaluate(*time, y, yp, residual).err().unwrap_or(0)
     }
 
@@ -225,7 +225,7 @@ impl Solve {
 
     /// Moves y and y' to the prediction plus the corrections so far.
     fn move_to_sum(&mut self) {
-        let Step { cj, predicted, predicted_derivative, y, yp, .. } = &mut self.step;
+        let IdaStep { cj, predicted, predicted_derivative, y, yp, .. } = &mut self.step;
         self.bridge.operations.correct(*cj, &self.sum, (predicted, y), (predicted_derivative, yp));
     }
 

@@ -59,7 +59,7 @@ struct Point {
 }
 
 /// Result of a run.
-struct Outcome {
+struct RunResult {
     steps: u32,
     time: f64,
     /// Sum of the chosen reward, then of each reward.
@@ -240,14 +240,14 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
     Ok(Point { setup, reset, policy, values, broken })
 }
 
-fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, count: usize, keeps: bool) -> Result<Vec<Outcome>, Failed> {
+fn run_all(arguments: &SimulateArguments, points: &[Point], episodes: usize, count: usize, keeps: bool) -> Result<Vec<RunResult>, Failed> {
     let given = arguments.threads.map_or_else(pool::processors, |n| n as usize);
     let threads = pool::useful(given, count);
     let workers = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let workers = workers.map_err(|error| Failed::Message(format!("threads: {error}")))?;
     let bar = progress(count);
     // One environment a thread serves all runs of a setup.
-    let outcome = |held: &mut Option<(usize, Environment)>, index: usize| -> Result<Outcome, Failed> {
+    let outcome = |held: &mut Option<(usize, Environment)>, index: usize| -> Result<RunResult, Failed> {
         let (point, episode) = (&points[index / episodes], index % episodes);
         let identity = Arc::as_ptr(&point.setup) as usize;
         let mut environment = match held.take() {
@@ -282,9 +282,9 @@ fn episode_of(
     mut policy: Policy,
     seed: u64,
     keeps: bool,
-) -> Outcome {
+) -> RunResult {
     let rewards = point.setup.model().interface().finish.rewards.len();
-    let mut outcome = Outcome {
+    let mut outcome = RunResult {
         steps: 0,
         time: 0.0,
         sums: vec![0.0; 1 + rewards],
@@ -336,7 +336,7 @@ fn episode_of(
     outcome
 }
 
-fn add(outcome: &mut Outcome, environment: &mut Environment, result: &StepResult) {
+fn add(outcome: &mut RunResult, environment: &mut Environment, result: &StepResult) {
     outcome.steps = environment.steps();
     outcome.time = environment.time();
     outcome.sums[0] += result.reward;
@@ -352,7 +352,7 @@ fn add(outcome: &mut Outcome, environment: &mut Environment, result: &StepResult
 }
 
 /// Printed summary: number of runs, returns, ends, and a line for each combination.
-fn said(keys: &table::Keys<'_>, outcomes: &[Outcome], spent: f64) -> String {
+fn said(keys: &table::Keys<'_>, outcomes: &[RunResult], spent: f64) -> String {
     let steps: u64 = outcomes.iter().map(|o| u64::from(o.steps)).sum();
     let interface = keys.points[0].setup.model().interface();
     let reward = interface.finish.rewards.get(keys.points[0].setup.reward).map_or("reward", |r| r.name.as_str());
@@ -373,7 +373,7 @@ fn said(keys: &table::Keys<'_>, outcomes: &[Outcome], spent: f64) -> String {
 }
 
 /// Mean, standard deviation and extremes of the returns.
-fn statistics(outcomes: &[Outcome]) -> String {
+fn statistics(outcomes: &[RunResult]) -> String {
     let returns: Vec<f64> = returns(outcomes).collect();
     if returns.is_empty() {
         return "none".into();
@@ -384,7 +384,7 @@ fn statistics(outcomes: &[Outcome]) -> String {
 }
 
 /// Returns of the runs that there were.
-fn returns(outcomes: &[Outcome]) -> impl Iterator<Item = f64> {
+fn returns(outcomes: &[RunResult]) -> impl Iterator<Item = f64> {
     outcomes.iter().filter(|o| !matches!(o.end, End::Broken(_))).map(|o| o.sums[0])
 }
 
@@ -397,7 +397,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
 }
 
 /// `28 time limit, 2 state_box`
-fn ends(outcomes: &[Outcome]) -> String {
+fn ends(outcomes: &[RunResult]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for outcome in outcomes {
         *counts.entry(outcome.end.word()).or_default() += 1;

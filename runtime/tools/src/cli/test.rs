@@ -11,7 +11,7 @@ use smpl_runtime::load::load;
 
 use super::report::{self, Failed};
 use super::{Files, ModelArguments, outputs, say};
-use crate::trial::{self, Outcome};
+use crate::trial::{self, TestResult};
 
 #[derive(Debug, Args)]
 pub(super) struct TestArguments {
@@ -30,7 +30,7 @@ pub(super) struct TestArguments {
 /// Results of a file.
 struct Suite {
     file: PathBuf,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<TestResult>,
     /// Reason why the model of some tests could not be compiled.
     error: Option<String>,
 }
@@ -115,7 +115,7 @@ impl Suite {
 }
 
 /// A line for a test, and one for each expectation that does not hold.
-fn line(file: &Path, outcome: &Outcome) -> String {
+fn line(file: &Path, outcome: &TestResult) -> String {
     let word = if outcome.faults.is_empty() { "ok  " } else { "FAIL" };
     let mut text = format!("{word} {}: {} ({})\n", file.display(), outcome.name, time(outcome.time));
     for fault in &outcome.faults {

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
-use super::document::{Event, Kind, Rule, Sbml, Symbol, Target};
+use super::document::{Event, Rule, Sbml, Symbol, SymbolRole, Target};
 use super::initial::First;
 use super::math::{DELAY, Math};
 use super::names::Names;
@@ -90,7 +90,7 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
 /// none.
 pub(super) fn unit_without_symbols(sbml: &Sbml) -> Option<String> {
     let own = sbml.symbols.iter().flat_map(|s| {
-        let substance = if let Kind::Species { substance, .. } = &s.kind { substance.clone() } else { None };
+        let substance = if let SymbolRole::Species { substance, .. } = &s.kind { substance.clone() } else { None };
         s.unit.clone().into_iter().chain(substance)
     });
     let of_model = [&sbml.substance, &sbml.extent, &sbml.volume, &sbml.area, &sbml.length, &sbml.time];
@@ -180,7 +180,7 @@ impl Conversion<'_> {
     }
 
     pub(super) fn size_unit(&self, symbol: &Symbol) -> Option<String> {
-        let Kind::Compartment { dimensions, .. } = &symbol.kind else { return None };
+        let SymbolRole::Compartment { dimensions, .. } = &symbol.kind else { return None };
         symbol.unit.clone().or_else(|| match dimensions {
             3.0 => self.usual(&self.sbml.volume, "volume"),
             2.0 => self.usual(&self.sbml.area, "area"),
@@ -190,16 +190,16 @@ impl Conversion<'_> {
     }
 
     pub(super) fn substance(&self, symbol: &Symbol) -> Product {
-        let Kind::Species { substance, .. } = &symbol.kind else { return vec![] };
+        let SymbolRole::Species { substance, .. } = &symbol.kind else { return vec![] };
         self.product_of(substance.clone().or_else(|| self.usual(&self.sbml.substance, "substance")).as_deref())
     }
 
     /// The unit of a symbol as the mathematics mean it.
     pub(super) fn unit(&self, symbol: &Symbol) -> String {
         let product = match &symbol.kind {
-            Kind::Parameter | Kind::Stoichiometry => return self.unit_id(symbol.unit.as_deref()),
-            Kind::Compartment { .. } => return self.unit_id(self.size_unit(symbol).as_deref()),
-            Kind::Species { compartment, amount, .. } => {
+            SymbolRole::Parameter | SymbolRole::Stoichiometry => return self.unit_id(symbol.unit.as_deref()),
+            SymbolRole::Compartment { .. } => return self.unit_id(self.size_unit(symbol).as_deref()),
+            SymbolRole::Species { compartment, amount, .. } => {
                 let size = self.symbol(compartment).and_then(|c| self.size_unit(c));
                 let size = if *amount { vec![] } else { self.product_of(size.as_deref()) };
                 units::times(&self.substance(symbol), &size, -1.0)
@@ -272,9 +272,9 @@ impl Conversion<'_> {
 
     pub(super) fn compartment_name(&self, symbol: &Symbol) -> Option<String> {
         match &symbol.kind {
-            Kind::Species { compartment, .. } => {
+            SymbolRole::Species { compartment, .. } => {
                 let kind = self.symbol(compartment).map(|c| &c.kind);
-                (!matches!(kind, Some(Kind::Compartment { point: true, .. }))).then(|| self.names.of(compartment))
+                (!matches!(kind, Some(SymbolRole::Compartment { point: true, .. }))).then(|| self.names.of(compartment))
             }
             _ => None,
         }
@@ -289,10 +289,10 @@ impl Conversion<'_> {
     fn symbols(&mut self) -> Result<(), Fault> {
         let titles = ["compartments", "species", "parameters", "stoichiometries"];
         let group = |s: &Symbol| match s.kind {
-            Kind::Compartment { .. } => 0,
-            Kind::Species { .. } => 1,
-            Kind::Parameter => 2,
-            Kind::Stoichiometry => 3,
+            SymbolRole::Compartment { .. } => 0,
+            SymbolRole::Species { .. } => 1,
+            SymbolRole::Parameter => 2,
+            SymbolRole::Stoichiometry => 3,
         };
         for number in [0, 2, 3, 1] {
             let symbols: Vec<&Symbol> = self.sbml.symbols.iter().filter(|s| group(s) == number).collect();
@@ -444,7 +444,7 @@ impl Conversion<'_> {
     /// The rate that a rule gives; of an amount, where the rule is that of the concentration.
     fn rate_of_rule(&self, symbol: &Symbol, rule: &Rule) -> Result<String, Fault> {
         let math = self.checked(rule.at, &rule.math)?;
-        let (Kind::Species { compartment, .. }, true) = (&symbol.kind, self.roles.amounts.contains(&symbol.id)) else {
+        let (SymbolRole::Species { compartment, .. }, true) = (&symbol.kind, self.roles.amounts.contains(&symbol.id)) else {
             return self.text(rule.at, &math);
         };
         let (size, own) = (self.names.of(compartment), self.names.of(&symbol.id));
@@ -474,7 +474,7 @@ impl Conversion<'_> {
                 terms += 1;
             }
         }
-        let Kind::Species { amount, factor, .. } = &symbol.kind else { return Ok("0".into()) };
+        let SymbolRole::Species { amount, factor, .. } = &symbol.kind else { return Ok("0".into()) };
         let per_size = !*amount && !self.roles.amounts.contains(&symbol.id);
         let size = self.compartment_name(symbol).filter(|_| per_size);
         let factor = factor.as_ref().or(self.sbml.factor.as_ref()).map(|id| self.names.of(id));

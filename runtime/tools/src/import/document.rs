@@ -49,7 +49,7 @@ pub(super) struct UnitPart {
 
 /// Kind of a symbol.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum SymbolRole {
     Compartment {
         dimensions: f64,
         /// It has no size: amounts in it are not divided.
@@ -74,7 +74,7 @@ pub(super) struct Symbol {
     pub(super) at: usize,
     pub(super) id: String,
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: SymbolRole,
     pub(super) value: Option<f64>,
     pub(super) constant: bool,
     pub(super) unit: Option<String>,
@@ -93,7 +93,7 @@ pub(super) struct Rule {
 }
 
 /// A reactant or product: species, number, and what it is called.
-pub(super) struct Part {
+pub(super) struct SpeciesReference {
     pub(super) at: usize,
     pub(super) species: String,
     pub(super) number: Math,
@@ -106,7 +106,7 @@ pub(super) struct Reaction {
     pub(super) id: String,
     pub(super) name: String,
     pub(super) reversible: bool,
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<SpeciesReference>,
     pub(super) rate: Math,
 }
 
@@ -243,7 +243,7 @@ pub(super) fn read(document: &Document<'_>) -> Result<Sbml, Fault> {
 /// their size. There they are compartments as any other.
 fn points(sbml: &mut Sbml) {
     for symbol in &mut sbml.symbols {
-        let Kind::Compartment { dimensions, point } = &mut symbol.kind else { continue };
+        let SymbolRole::Compartment { dimensions, point } = &mut symbol.kind else { continue };
         let ruled = sbml.rules.iter().any(|r| matches!(&r.target, Target::Assignment(id) if *id == symbol.id));
         let given = symbol.value.is_some() || ruled || sbml.initial.contains_key(&symbol.id);
         if *dimensions == 0.0 && (sbml.level == 2 || !given) {
@@ -327,7 +327,7 @@ fn compartment(node: Node<'_, '_>) -> Result<Symbol, Fault> {
         at: node.range().start,
         id: needed(node, "id")?,
         name: owned(node, "name").unwrap_or_default(),
-        kind: Kind::Compartment { dimensions, point: false },
+        kind: SymbolRole::Compartment { dimensions, point: false },
         value: numeric(node, "size")?,
         constant: flag(node, "constant", true)?,
         unit: owned(node, "units"),
@@ -339,7 +339,7 @@ fn species(node: Node<'_, '_>) -> Result<Symbol, Fault> {
     if amount.is_some() && concentration.is_some() {
         return Err(fault(node, "a species has an `initialAmount` or an `initialConcentration`, not both"));
     }
-    let kind = Kind::Species {
+    let kind = SymbolRole::Species {
         compartment: needed(node, "compartment")?,
         amount: flag(node, "hasOnlySubstanceUnits", false)?,
         boundary: flag(node, "boundaryCondition", false)?,
@@ -363,7 +363,7 @@ fn parameter(node: Node<'_, '_>) -> Result<Symbol, Fault> {
         at: node.range().start,
         id: needed(node, "id")?,
         name: owned(node, "name").unwrap_or_default(),
-        kind: Kind::Parameter,
+        kind: SymbolRole::Parameter,
         value: numeric(node, "value")?,
         constant: flag(node, "constant", true)?,
         unit: owned(node, "units"),
@@ -407,7 +407,7 @@ fn reaction(sbml: &mut Sbml, node: Node<'_, '_>) -> Result<Reaction, Fault> {
     Ok(Reaction { at: node.range().start, id, name, reversible, parts, rate })
 }
 
-fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part, Fault> {
+fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<SpeciesReference, Fault> {
     let species = needed(node, "species")?;
     let mut value = numeric(node, "stoichiometry")?;
     if sbml.level == 2 {
@@ -421,7 +421,7 @@ fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part,
     let number = match (math, owned(node, "id")) {
         (Some(math), _) => math,
         (None, Some(id)) => {
-            let kind = Kind::Stoichiometry;
+            let kind = SymbolRole::Stoichiometry;
             let constant = flag(node, "constant", true)?;
             sbml.symbols.push(Symbol { at: node.range().start, id: id.clone(), name: String::new(), kind, value, constant, unit: None });
             Math::Name(id)
@@ -431,7 +431,7 @@ fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<Part,
             Math::Number(value, None)
         }
     };
-    Ok(Part { at: node.range().start, species, number, sign })
+    Ok(SpeciesReference { at: node.range().start, species, number, sign })
 }
 
 /// The rate, with the reaction's own parameters as parameters of the model: `k` of reaction `R` is

@@ -1,7 +1,7 @@
 //! Events and constraints.
 
 use super::convert::{Conversion, at, comment};
-use super::document::{Event, Kind, Symbol, Target};
+use super::document::{Event, Symbol, SymbolRole, Target};
 use super::math::Math;
 use super::order;
 use super::roles::Role;
@@ -133,7 +133,7 @@ impl Conversion<'_> {
     pub(super) fn is_mixed(&self, event: &Event) -> bool {
         let reads = |id: &str, math: &Math| {
             let mut reads = self.read_by(math);
-            if let Some(Symbol { kind: Kind::Species { compartment, .. }, .. }) = self.symbol(id)
+            if let Some(Symbol { kind: SymbolRole::Species { compartment, .. }, .. }) = self.symbol(id)
                 && self.roles.amounts.contains(id)
             {
                 reads.push(compartment.clone());
@@ -157,7 +157,7 @@ impl Conversion<'_> {
             let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if *own == id));
             stack.extend(rule.map(|r| r.math.names()).unwrap_or_default());
             stack.extend(self.sbml.reactions.iter().find(|r| r.id == id).map(|r| r.rate.names()).unwrap_or_default());
-            if let Some(Symbol { kind: Kind::Species { compartment, .. }, .. }) = self.symbol(&id)
+            if let Some(Symbol { kind: SymbolRole::Species { compartment, .. }, .. }) = self.symbol(&id)
                 && self.roles.amounts.contains(&id)
             {
                 stack.push(compartment.clone());

@@ -9,7 +9,7 @@
 use std::collections::HashMap;
 
 use super::convert::{Conversion, at};
-use super::document::{Event, Kind};
+use super::document::{Event, SymbolRole};
 use super::initial::{Delayed, First};
 use super::math::Math;
 use super::order::{self, Rival};
@@ -122,7 +122,7 @@ impl Conversion<'_> {
             after.insert(id, guarded);
         }
         for symbol in self.sbml.symbols.iter().filter(|s| self.roles.amounts.contains(&s.id)) {
-            let Kind::Species { compartment, .. } = &symbol.kind else { continue };
+            let SymbolRole::Species { compartment, .. } = &symbol.kind else { continue };
             if !event.targets().any(|id| id == compartment) {
                 continue;
             }

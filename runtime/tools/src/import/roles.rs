@@ -3,7 +3,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::document::{Event, Kind, Sbml, Symbol, Target};
+use super::document::{Event, Sbml, Symbol, SymbolRole, Target};
 use super::math::Math;
 use super::xml::Fault;
 
@@ -72,11 +72,11 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
         for part in &reaction.parts {
             let species = known.get(part.species.as_str()).ok_or_else(|| at(part.at, format!("unknown species `{}`", part.species)))?;
             match &species.kind {
-                Kind::Species { boundary: true, .. } => {}
-                Kind::Species { .. } if ruled.contains(&part.species) => {
+                SymbolRole::Species { boundary: true, .. } => {}
+                SymbolRole::Species { .. } if ruled.contains(&part.species) => {
                     return Err(at(part.at, format!("`{}` is changed by a reaction and by a rule", part.species)));
                 }
-                Kind::Species { .. } => set(part.at, &part.species, Role::State)?,
+                SymbolRole::Species { .. } => set(part.at, &part.species, Role::State)?,
                 _ => return Err(at(part.at, format!("`{}` is not a species", part.species))),
             }
         }
@@ -183,7 +183,7 @@ fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
     let within = |event: &Event, size: &str| {
         event.assignments.iter().any(|(_, id, _)| {
             let species = sbml.symbols.iter().find(|s| s.id == *id).map(|s| &s.kind);
-            matches!(species, Some(Kind::Species { compartment, amount: false, .. }) if compartment == size)
+            matches!(species, Some(SymbolRole::Species { compartment, amount: false, .. }) if compartment == size)
         })
     };
     let of_event = |event| Event::targets(event).filter(move |id| within(event, id));
@@ -193,7 +193,7 @@ fn set_with_contents(sbml: &Sbml) -> Vec<&str> {
 /// Returns true for a parameter whose initial value needs the size of a compartment that is not a
 /// parameter.
 fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<String>, symbol: &Symbol) -> bool {
-    let Kind::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else { return false };
+    let SymbolRole::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else { return false };
     if roles.get(&symbol.id) != Some(&Role::Parameter) || roles.get(compartment) == Some(&Role::Parameter) {
         return false;
     }
@@ -208,7 +208,7 @@ fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<Str
 fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>) -> HashSet<String> {
     let resized: HashSet<&str> = sbml.events.iter().flat_map(Event::targets).collect();
     let kept = |s: &&Symbol| {
-        let Kind::Species { compartment, amount: false, .. } = &s.kind else { return false };
+        let SymbolRole::Species { compartment, amount: false, .. } = &s.kind else { return false };
         let rule = sbml.rules.iter().find(|r| r.target.id() == Some(&s.id)).map(|r| &r.target);
         let by_itself = match rule {
             Some(Target::Rate(_)) => !resized.contains(compartment.as_str()),

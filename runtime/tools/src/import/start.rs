@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::convert::{Conversion, LITERAL, at};
-use super::document::{Kind, Symbol, Target};
+use super::document::{Symbol, SymbolRole, Target};
 use super::math::Math;
 use super::roles::Role;
 use super::units::{self, Product};
@@ -29,7 +29,7 @@ impl Conversion<'_> {
     pub(super) fn start(&self, symbol: &Symbol) -> Result<Option<(String, bool)>, Fault> {
         let as_amount = self.roles.amounts.contains(&symbol.id);
         let (amount_meant, starts_as_amount) = match &symbol.kind {
-            Kind::Species { amount, starts_as_amount, .. } => (*amount || as_amount, *starts_as_amount),
+            SymbolRole::Species { amount, starts_as_amount, .. } => (*amount || as_amount, *starts_as_amount),
             _ => (false, false),
         };
         if let Some(math) = self.first.values.get(&symbol.id).filter(|_| self.set_at_the_start(&symbol.id)) {
@@ -39,7 +39,7 @@ impl Conversion<'_> {
             return Ok(Some((format!("{}*{size}", self.factor(symbol.at, math)?), false)));
         }
         let size = self.size_at_the_start(symbol)?;
-        let is_species = matches!(symbol.kind, Kind::Species { .. });
+        let is_species = matches!(symbol.kind, SymbolRole::Species { .. });
         if let Some(math) = self.sbml.initial.get(&symbol.id) {
             let math = self.at_the_start(symbol.at, &self.checked(symbol.at, math)?, 0)?;
             if as_amount {
@@ -54,7 +54,7 @@ impl Conversion<'_> {
         match size.filter(|_| is_species && amount_meant != starts_as_amount && value != 0.0) {
             Some(size) if starts_as_amount => Ok(Some((format!("{}{}/{size}", shown(value), unit(&self.substance(symbol))), false))),
             Some(size) => {
-                let compartment = if let Kind::Species { compartment, .. } = &symbol.kind { self.symbol(compartment) } else { None };
+                let compartment = if let SymbolRole::Species { compartment, .. } = &symbol.kind { self.symbol(compartment) } else { None };
                 let own = compartment.and_then(|c| self.size_unit(c));
                 let concentration = units::times(&self.substance(symbol), &self.product_of(own.as_deref()), -1.0);
                 Ok(Some((format!("{}{}*{size}", shown(value), unit(&concentration)), false)))
@@ -70,7 +70,7 @@ impl Conversion<'_> {
 
     /// The size of a species' compartment after the events at the start.
     fn size_after_first_events(&self, symbol: &Symbol) -> Result<Option<String>, Fault> {
-        let Kind::Species { compartment, .. } = &symbol.kind else { return Ok(None) };
+        let SymbolRole::Species { compartment, .. } = &symbol.kind else { return Ok(None) };
         match self.first.values.get(compartment) {
             Some(size) => self.factor(symbol.at, size).map(Some),
             None => self.size_at_the_start(symbol),
@@ -80,7 +80,7 @@ impl Conversion<'_> {
     /// The size of a species' compartment as initial values may read it.
     pub(super) fn size_at_the_start(&self, symbol: &Symbol) -> Result<Option<String>, Fault> {
         match &symbol.kind {
-            Kind::Species { compartment, .. } if self.compartment_name(symbol).is_some() => {
+            SymbolRole::Species { compartment, .. } if self.compartment_name(symbol).is_some() => {
                 let size = self.at_the_start(symbol.at, &Math::Name(compartment.clone()), 0)?;
                 self.factor(symbol.at, &size).map(Some)
             }
@@ -139,7 +139,7 @@ impl Conversion<'_> {
             let symbol = self.symbol(id).ok_or_else(|| format!("unknown symbol `{id}`"))?;
             let value = symbol.value.ok_or_else(|| format!("`{id}` has no value"))?;
             let literal = |value: f64, unit: String| Math::Number(value, Some(format!("{LITERAL}{unit}")));
-            let Kind::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else {
+            let SymbolRole::Species { compartment, amount, starts_as_amount, .. } = &symbol.kind else {
                 return Ok(literal(value, self.unit(symbol)));
             };
             if amount == starts_as_amount || self.compartment_name(symbol).is_none() {
@@ -177,7 +177,7 @@ impl Conversion<'_> {
 
     pub(super) fn size_at_start(&self, symbol: &Symbol) -> Option<f64> {
         match &symbol.kind {
-            Kind::Species { compartment, .. } => self.start_value(compartment, 0),
+            SymbolRole::Species { compartment, .. } => self.start_value(compartment, 0),
             _ => Some(1.0),
         }
     }
@@ -198,7 +198,7 @@ impl Conversion<'_> {
         }
         let value = symbol.value?;
         match &symbol.kind {
-            Kind::Species { compartment, amount, starts_as_amount, .. } if amount != starts_as_amount => {
+            SymbolRole::Species { compartment, amount, starts_as_amount, .. } if amount != starts_as_amount => {
                 let size = if self.compartment_name(symbol).is_some() { self.start_value(compartment, depth + 1)? } else { 1.0 };
                 Some(if *amount { value * size } else { value / size })
             }

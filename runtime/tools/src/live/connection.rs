@@ -19,7 +19,7 @@ use super::outbox::{Outbox, Wire};
 use super::run::Benches;
 use super::settings::Settings;
 use super::uri::uri_of;
-use super::wire::{Answer, Fault, Kind, answer, notification, parameters};
+use super::wire::{Answer, Fault, FaultKind, answer, notification, parameters};
 use super::{describe, equations, export, run, steady, structure};
 use crate::lsp::{OpenTexts, Session, SessionOptions, parse_message};
 
@@ -219,7 +219,7 @@ impl Page {
                 }
                 Ok(saved)
             }
-            _ => Err(Fault::new(Kind::UnknownMethod, format!("unknown method `{method}`"))),
+            _ => Err(Fault::new(FaultKind::UnknownMethod, format!("unknown method `{method}`"))),
         }
     }
 
@@ -245,7 +245,7 @@ impl Page {
         let Ok(Cancel { id }) = serde_json::from_value(params.clone()) else { return };
         for lane in [&self.compute, &self.describe] {
             if lane.cancel(&id) {
-                self.outbox.send(&answer(id.clone(), Err(Fault::new(Kind::Cancelled, "cancelled"))));
+                self.outbox.send(&answer(id.clone(), Err(Fault::new(FaultKind::Cancelled, "cancelled"))));
             }
         }
     }
@@ -319,7 +319,7 @@ fn channel_of(method: &str, params: &Value) -> Option<String> {
 
 /// The answer of a request, also where the work panics.
 fn guarded(work: impl FnOnce() -> Answer) -> Answer {
-    let failed = || Fault::new(Kind::Internal, "internal error; please report it with the model that caused it");
+    let failed = || Fault::new(FaultKind::Internal, "internal error; please report it with the model that caused it");
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(failed()))
 }
 

@@ -84,7 +84,7 @@ fn methods(setup: &Setup) -> Vec<&'static str> {
 }
 
 /// A kind of controls: quantities, their elements, and the values that they have.
-struct Kind<'s> {
+struct ControlGroup<'s> {
     name: &'static str,
     quantities: &'s [Quantity],
     family: &'s Family,
@@ -101,29 +101,29 @@ fn controls(setup: &Arc<Setup>, sources: &SourceMap, large: &mut Vec<Value>) -> 
     let of_start = |region: Region, e: &Element| start.as_ref().map_or(e.default, |s| s.region(region, e));
     let never = |_: &Element| false;
     let kinds = [
-        Kind {
+        ControlGroup {
             name: "parameters",
             quantities: &quantities.parameters,
             family: &catalogue.parameters,
             value: &|e| parameters.get(e.at).copied().unwrap_or(e.default),
             drawn: &|e| drawn.contains(&e.at),
         },
-        Kind {
+        ControlGroup {
             name: "states",
             quantities: &quantities.states,
             family: &catalogue.states,
             value: &|e| start.as_ref().map_or(e.default, |s| s.state(e)),
             drawn: &never,
         },
-        Kind {
+        ControlGroup {
             name: "discretes",
             quantities: &quantities.discretes,
             family: &catalogue.discretes,
             value: &|e| of_start(Region::Discrete, e),
             drawn: &never,
         },
-        Kind { name: "actions", quantities: &quantities.actions, family: &catalogue.actions, value: &|e| e.default, drawn: &never },
-        Kind {
+        ControlGroup { name: "actions", quantities: &quantities.actions, family: &catalogue.actions, value: &|e| e.default, drawn: &never },
+        ControlGroup {
             name: "disturbances",
             quantities: &quantities.disturbances,
             family: &catalogue.disturbances,
@@ -155,7 +155,7 @@ fn nominal_start(setup: &Arc<Setup>) -> Option<Start0> {
     Some(Start0(environment))
 }
 
-fn of_kind(kind: &Kind<'_>, setup: &Setup, sources: &SourceMap, large: &mut Vec<Value>) -> Vec<Value> {
+fn of_kind(kind: &ControlGroup<'_>, setup: &Setup, sources: &SourceMap, large: &mut Vec<Value>) -> Vec<Value> {
     let mut out = Vec::new();
     for quantity in kind.quantities {
         if quantity.len() > MOST_ELEMENTS {

@@ -8,7 +8,7 @@ use smpl_analysis::position::{Encoding, Position};
 use smpl_analysis::program::Program;
 
 use super::uri::uri_of;
-use super::wire::{Answer, Fault, Kind};
+use super::wire::{Answer, Fault, FaultKind};
 use crate::lsp::OpenTexts;
 
 /// The answer to `smpl/equations`, from the text as it is; faulty statements are left out.
@@ -17,7 +17,7 @@ use crate::lsp::OpenTexts;
 /// # Errors
 /// A file that cannot be read.
 pub(crate) fn answer(path: &Path, texts: &OpenTexts) -> Answer {
-    let program = Program::new(path, texts).ok_or_else(|| Fault::new(Kind::File, format!("{}: cannot be read", path.display())))?;
+    let program = Program::new(path, texts).ok_or_else(|| Fault::new(FaultKind::File, format!("{}: cannot be read", path.display())))?;
     let mut shown: Vec<Value> = Vec::new();
     let mut within: Vec<String> = Vec::new();
     for entry in equations(&program) {

@@ -16,7 +16,7 @@ use super::jobs::Stop;
 use super::models::Found;
 use super::run::{Benches, Report, RunRequest, setup_for};
 use super::settings::{Settings, Single, kind_of};
-use super::wire::{Answer, Fault, Kind, download};
+use super::wire::{Answer, Fault, FaultKind, download};
 use super::{page, script};
 use crate::picture::{Format, PanelPlan, Picture, Run, followed, heading, items, plan};
 
@@ -55,7 +55,7 @@ pub(crate) fn answer(
     let named = |ending: &str| format!("{stem}.{ending}");
     let found = find(settings)?;
     let mut runs = || runs(&request.run, &found, find, benches, stop, report);
-    let shown = |format: Format, runs: &Runs| picture(runs).bytes(format).map_err(|error| Fault::new(Kind::Internal, error));
+    let shown = |format: Format, runs: &Runs| picture(runs).bytes(format).map_err(|error| Fault::new(FaultKind::Internal, error));
     Ok(match request.format.as_str() {
         "csv" => download(named("csv"), "text/csv", table_bytes(&runs()?, "csv")?),
         "parquet" => download(named("parquet"), "application/vnd.apache.parquet", table_bytes(&runs()?, "parquet")?),
@@ -139,7 +139,7 @@ fn picture(runs: &Runs) -> Picture {
 
 /// The table of the runs, with a column that names the run where there are several.
 fn table_bytes(runs: &Runs, ending: &str) -> Result<Vec<u8>, Fault> {
-    let failed = |error: String| Fault::new(Kind::Internal, error);
+    let failed = |error: String| Fault::new(FaultKind::Internal, error);
     let tables: Vec<(&str, &Table)> = runs.episodes.iter().map(|(single, episode)| (single.label.as_str(), &episode.table)).collect();
     let together = match tables.as_slice() {
         [(_, single)] => (*single).clone(),

@@ -10,7 +10,7 @@ use smpl_runtime::files;
 
 use super::recent;
 use super::uri::{path_of, uri_of};
-use super::wire::{Answer, Fault, Kind};
+use super::wire::{Answer, Fault, FaultKind};
 
 /// Most bytes of a text.
 pub(crate) const MOST_BYTES: usize = 4 << 20;
@@ -52,12 +52,12 @@ impl Folder {
     /// The file of a URI, if the page may see it.
     ///
     /// # Errors
-    /// [`Kind::Forbidden`].
+    /// [`FaultKind::Forbidden`].
     pub(crate) fn allowed(&self, uri: &str) -> Result<Allowed, Fault> {
-        let refused = || Fault::new(Kind::Forbidden, format!("`{uri}` is outside of the opened folder"));
+        let refused = || Fault::new(FaultKind::Forbidden, format!("`{uri}` is outside of the opened folder"));
         let asked = path_of(uri).ok_or_else(refused)?;
         if !has_ending(&asked) {
-            return Err(Fault::new(Kind::Forbidden, "only files that end in .eq or .yaml can be opened"));
+            return Err(Fault::new(FaultKind::Forbidden, "only files that end in .eq or .yaml can be opened"));
         }
         let path = plain(&asked).ok_or_else(refused)?;
         if path.starts_with(&self.root) || self.opened.as_ref() == Some(&path) || self.recent.contains(&path) {
@@ -84,11 +84,11 @@ impl Folder {
     /// Writes a text, unless the file has changed since the version of `digest`.
     ///
     /// # Errors
-    /// [`Kind::Conflict`], a path that may not be written, or a failure to write.
+    /// [`FaultKind::Conflict`], a path that may not be written, or a failure to write.
     pub(crate) fn save(&self, uri: &str, text: &str, digest: Option<&str>, force: bool) -> Answer {
         let Allowed { path, read_only, .. } = self.allowed(uri)?;
         if read_only {
-            return Err(Fault::new(Kind::Forbidden, "a shipped model is read only; save it under another name in the opened folder"));
+            return Err(Fault::new(FaultKind::Forbidden, "a shipped model is read only; save it under another name in the opened folder"));
         }
         if text.len() > MOST_BYTES {
             return Err(too_large());
@@ -99,9 +99,9 @@ impl Folder {
                 Some((text, digest)) => ("the file on disk has changed", json!({"text": text, "digest": digest})),
                 None => ("the file on disk was removed", json!({"text": null, "digest": null})),
             };
-            return Err(Fault { data: Some(data), ..Fault::new(Kind::Conflict, message) });
+            return Err(Fault { data: Some(data), ..Fault::new(FaultKind::Conflict, message) });
         }
-        files::write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(|error| Fault::new(Kind::File, error.to_string()))?;
+        files::write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(|error| Fault::new(FaultKind::File, error.to_string()))?;
         recent::note(&path);
         Ok(json!({"uri": uri_of(&path), "digest": digest_of(text)}))
     }
@@ -173,10 +173,10 @@ fn plain(path: &Path) -> Option<PathBuf> {
 /// # Errors
 /// One sentence on what is wrong.
 pub(crate) fn content(path: &Path) -> Result<(String, String), Fault> {
-    let fault = |message: String| Fault::new(Kind::File, format!("{}: {message}", path.display()));
+    let fault = |message: String| Fault::new(FaultKind::File, format!("{}: {message}", path.display()));
     let size = std::fs::metadata(path).map_err(|error| fault(files::plain(&error)))?.len();
     if size > MOST_BYTES as u64 {
-        return Err(Fault::new(Kind::TooLarge, format!("{}: {}", path.display(), too_large().message)));
+        return Err(Fault::new(FaultKind::TooLarge, format!("{}: {}", path.display(), too_large().message)));
     }
     let text = files::read_text(path).map_err(|error| fault(files::plain(&error)))?;
     if text.contains('\0') {
@@ -188,7 +188,7 @@ pub(crate) fn content(path: &Path) -> Result<(String, String), Fault> {
 
 /// The error of a text beyond the limit.
 pub(crate) fn too_large() -> Fault {
-    Fault::new(Kind::TooLarge, format!("the text is larger than {} MB", MOST_BYTES >> 20))
+    Fault::new(FaultKind::TooLarge, format!("the text is larger than {} MB", MOST_BYTES >> 20))
 }
 
 /// The digest of a text.

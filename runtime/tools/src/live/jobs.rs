@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use lsp_server::RequestId;
 use serde_json::Value;
 
-use super::wire::{Fault, Kind};
+use super::wire::{Fault, FaultKind};
 
 /// Time for which a running request is left alone though a newer one waits: a control that moves
 /// shows pictures on the way.
@@ -64,7 +64,7 @@ impl Stop {
     /// Looks whether the request is to stop; called between the steps of a run.
     ///
     /// # Errors
-    /// [`Kind::Cancelled`] or [`Kind::Overtaken`].
+    /// [`FaultKind::Cancelled`] or [`FaultKind::Overtaken`].
     pub(crate) fn check(&self) -> Result<(), Fault> {
         if self.replaced.load(Ordering::Relaxed) && self.is_beyond_grace() {
             self.set(OVERTAKEN);
@@ -75,8 +75,8 @@ impl Stop {
     /// The error of a request that was stopped.
     pub(crate) fn fault(&self) -> Fault {
         match self.reason.load(Ordering::Relaxed) {
-            OVERTAKEN => Fault::new(Kind::Overtaken, "overtaken by a newer request"),
-            _ => Fault::new(Kind::Cancelled, "cancelled"),
+            OVERTAKEN => Fault::new(FaultKind::Overtaken, "overtaken by a newer request"),
+            _ => Fault::new(FaultKind::Cancelled, "cancelled"),
         }
     }
 
@@ -118,7 +118,7 @@ impl Lane {
         if job.channel.is_some() {
             let (older, kept): (VecDeque<Job>, VecDeque<Job>) = state.waiting.drain(..).partition(|waiting| waiting.channel == job.channel);
             state.waiting = kept;
-            refused.extend(older.into_iter().map(|job| (job.id, Fault::new(Kind::Overtaken, "overtaken by a newer request"))));
+            refused.extend(older.into_iter().map(|job| (job.id, Fault::new(FaultKind::Overtaken, "overtaken by a newer request"))));
             if let Some((_, channel, stop)) = &state.running
                 && *channel == job.channel
             {
@@ -129,7 +129,7 @@ impl Lane {
             }
         }
         if state.waiting.len() >= MOST || state.closed {
-            refused.push((job.id, Fault::new(Kind::Internal, "too many requests wait; send fewer at once")));
+            refused.push((job.id, Fault::new(FaultKind::Internal, "too many requests wait; send fewer at once")));
         } else {
             state.waiting.push_back(job);
         }
@@ -200,7 +200,7 @@ mod tests {
         assert!(lane.push(job(1, "a")).is_empty() && lane.push(job(2, "b")).is_empty() && lane.push(job(3, "")).is_empty());
         let refused = lane.push(job(4, "a"));
         assert_eq!(refused.len(), 1);
-        assert_eq!((refused[0].0.clone(), refused[0].1.kind), (1.into(), Kind::Overtaken));
+        assert_eq!((refused[0].0.clone(), refused[0].1.kind), (1.into(), FaultKind::Overtaken));
         assert!(lane.cancel(&2.into()) && !lane.cancel(&2.into()));
         lane.close();
         assert_eq!(lane.push(job(5, "")).len(), 1);
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(seen.recv().expect("begun").0, 1.into());
         lane.push(job(2, "a"));
         let (id, after, kind) = seen.recv().expect("stopped");
-        assert_eq!((id, kind), (1.into(), Some(Kind::Overtaken)));
+        assert_eq!((id, kind), (1.into(), Some(FaultKind::Overtaken)));
         assert!(after >= GRACE && after < 8 * GRACE, "{after:?}");
         assert_eq!(seen.recv().expect("the newer one").0, 2.into());
         lane.close();

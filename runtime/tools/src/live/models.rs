@@ -13,7 +13,7 @@ use smpl_runtime::scenario;
 use smpl_runtime::setup::{EnvironmentOptions, Setup, SetupError};
 
 use super::settings::Settings;
-use super::wire::{Fault, Kind};
+use super::wire::{Fault, FaultKind};
 use crate::lsp::OpenTexts as Texts;
 
 /// Most models that are kept.
@@ -39,7 +39,7 @@ pub(crate) struct Found {
     pub(crate) stale: bool,
 }
 
-enum Outcome {
+enum CachedCompile {
     Good(Arc<Compiled>),
     Bad(Arc<LoadError>, Instant),
 }
@@ -49,7 +49,7 @@ struct Entry {
     options: LoadOptions,
     /// Files that were read, with digests of their texts.
     read: Vec<(PathBuf, blake3::Hash)>,
-    outcome: Outcome,
+    outcome: CachedCompile,
     used: Instant,
 }
 
@@ -68,7 +68,7 @@ impl Models {
     /// invalid.
     ///
     /// # Errors
-    /// [`Kind::Invalid`] with the diagnostics where there was never a valid text.
+    /// [`FaultKind::Invalid`] with the diagnostics where there was never a valid text.
     pub(crate) fn find(&self, path: &Path, settings: &Settings, texts: &Texts) -> Result<Found, Fault> {
         check_scenario(path, settings)?;
         let now = |path: &Path| texts.text(path).map(|text| text.to_string());
@@ -144,11 +144,11 @@ impl Models {
                 let read = texts_of(&loaded).map(|(path, text)| (path, blake3::hash(text.as_bytes()))).collect();
                 let (path, took) = (path.to_owned(), begin.elapsed());
                 let compiled = Compiled { loaded, path, version, took, setups: Mutex::default() };
-                (Outcome::Good(Arc::new(compiled)), read)
+                (CachedCompile::Good(Arc::new(compiled)), read)
             }
             Err(error) => {
                 let read = text(path).map(|text| (path.to_owned(), blake3::hash(text.as_bytes())));
-                (Outcome::Bad(Arc::new(error), begin), read.into_iter().collect())
+                (CachedCompile::Bad(Arc::new(error), begin), read.into_iter().collect())
             }
         };
         let answer = outcome.result();
@@ -172,8 +172,8 @@ impl Models {
             text.is_some_and(|text| blake3::hash(text.as_bytes()) == *digest)
         };
         let lasts = match &entry.outcome {
-            Outcome::Good(_) => true,
-            Outcome::Bad(_, since) => since.elapsed() < FAULTS_LAST,
+            CachedCompile::Good(_) => true,
+            CachedCompile::Bad(_, since) => since.elapsed() < FAULTS_LAST,
         };
         if !lasts || entry.read.is_empty() || !entry.read.iter().all(same) {
             return None;
@@ -183,7 +183,7 @@ impl Models {
     }
 }
 
-impl Outcome {
+impl CachedCompile {
     fn result(&self) -> Result<Arc<Compiled>, Arc<LoadError>> {
         match self {
             Self::Good(compiled) => Ok(Arc::clone(compiled)),
@@ -220,7 +220,7 @@ impl Compiled {
     /// The model under the solver's options and the length of a run.
     ///
     /// # Errors
-    /// [`Kind::Setting`].
+    /// [`FaultKind::Setting`].
     pub(crate) fn setup_of(&self, settings: &Settings) -> Result<Arc<Setup>, Fault> {
         let mut options = self.loaded.options.clone();
         options.solver = settings.solver(options.solver)?;
@@ -254,9 +254,9 @@ fn fault(error: &LoadError) -> Fault {
         LoadError::Diagnostics { sources, diagnostics } => {
             let shown: Vec<JsonDiagnostic<'_>> = diagnostics.iter().map(|d| JsonDiagnostic::new(d, sources)).collect();
             let data = json!({"diagnostics": serde_json::to_value(shown).unwrap_or(Value::Null)});
-            Fault { data: Some(data), ..Fault::new(Kind::Invalid, error.to_string()) }
+            Fault { data: Some(data), ..Fault::new(FaultKind::Invalid, error.to_string()) }
         }
-        LoadError::Read { .. } => Fault::new(Kind::File, error.to_string()),
+        LoadError::Read { .. } => Fault::new(FaultKind::File, error.to_string()),
         LoadError::Setting { .. } | LoadError::Artefact { .. } => Fault::setting(error),
     }
 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 /// Kinds of errors, with the codes of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum FaultKind {
     /// The server does not know the method.
     UnknownMethod = -32601,
     /// A parameter is missing or has another type.
@@ -37,19 +37,19 @@ pub(crate) enum Kind {
 /// An error answer.
 #[derive(Clone, Debug)]
 pub(crate) struct Fault {
-    pub(crate) kind: Kind,
+    pub(crate) kind: FaultKind,
     pub(crate) message: String,
     pub(crate) data: Option<Value>,
 }
 
 impl Fault {
-    pub(crate) fn new(kind: Kind, message: impl Into<String>) -> Self {
+    pub(crate) fn new(kind: FaultKind, message: impl Into<String>) -> Self {
         Self { kind, message: message.into(), data: None }
     }
 
     /// An invalid setting.
     pub(crate) fn setting(message: impl std::fmt::Display) -> Self {
-        Self::new(Kind::Setting, message.to_string())
+        Self::new(FaultKind::Setting, message.to_string())
     }
 }
 
@@ -70,9 +70,9 @@ pub(crate) fn notification(method: &str, params: Value) -> Message {
 /// The parameters of a request.
 ///
 /// # Errors
-/// [`Kind::Parameters`] with the reason.
+/// [`FaultKind::Parameters`] with the reason.
 pub(crate) fn parameters<T: DeserializeOwned>(params: Value) -> Result<T, Fault> {
-    serde_json::from_value(params).map_err(|error| Fault::new(Kind::Parameters, error.to_string()))
+    serde_json::from_value(params).map_err(|error| Fault::new(FaultKind::Parameters, error.to_string()))
 }
 
 /// A number; `null` where it is not finite.

@@ -21,7 +21,7 @@ use smpl_dsl::span::FileId;
 use super::convert::{Places, TOKEN_MODIFIERS, TOKEN_TYPES, path_of};
 use super::settings::Settings;
 use super::texts::{Document, OpenTexts};
-use super::worker::{Outcome, Shared, Terms, Worker};
+use super::worker::{CheckResult, Shared, Terms, Worker};
 
 /// Set-up of a session.
 #[derive(Clone, Debug, Default)]
@@ -79,7 +79,7 @@ pub struct Session {
 pub(super) struct At {
     pub(super) program: Arc<Program>,
     pub(super) file: FileId,
-    pub(super) outcome: Option<Arc<Outcome>>,
+    pub(super) outcome: Option<Arc<CheckResult>>,
     pub(super) encoding: Encoding,
 }
 

@@ -31,7 +31,7 @@ use super::convert::{Places, uri_of};
 use super::texts::OpenTexts;
 
 /// The result of a check.
-pub(super) struct Outcome {
+pub(super) struct CheckResult {
     pub(super) program: Arc<Program>,
     pub(super) checked: Checked,
 }
@@ -58,7 +58,7 @@ struct State {
     jobs: BTreeMap<PathBuf, Job>,
     /// Check in progress.
     current: Option<(PathBuf, Observer)>,
-    results: HashMap<PathBuf, Arc<Outcome>>,
+    results: HashMap<PathBuf, Arc<CheckResult>>,
     /// Diagnostics of the newest check, by main file and file.
     found: HashMap<PathBuf, BTreeMap<PathBuf, Vec<Diagnostic>>>,
     /// Published last, with the version.
@@ -131,7 +131,7 @@ impl Shared {
     }
 
     /// The newest result for a main file.
-    pub(super) fn outcome(&self, root: &Path) -> Option<Arc<Outcome>> {
+    pub(super) fn outcome(&self, root: &Path) -> Option<Arc<CheckResult>> {
         self.state().results.get(root).cloned()
     }
 
@@ -250,7 +250,7 @@ impl Shared {
                         by_file.entry(path).or_default().push(diagnostic);
                     }
                 }
-                Some((Some(Outcome { program: Arc::clone(program), checked }), by_file))
+                Some((Some(CheckResult { program: Arc::clone(program), checked }), by_file))
             }
             Job::Scenario => Some((None, BTreeMap::from([(root.to_owned(), self.scenario(root, &terms))]))),
         }
@@ -264,7 +264,7 @@ impl Shared {
             let before = state.results.get(root).filter(|_| outcome.checked.facts.is_empty());
             let facts = before.map_or(outcome.checked.facts, |before| before.checked.facts.clone());
             let checked = Checked { facts, ..outcome.checked };
-            state.results.insert(root.to_owned(), Arc::new(Outcome { checked, ..outcome }));
+            state.results.insert(root.to_owned(), Arc::new(CheckResult { checked, ..outcome }));
         }
         let old = state.found.insert(root.to_owned(), by_file.clone()).unwrap_or_default();
         if !state.terms.pulls {
@@ -336,7 +336,7 @@ impl Shared {
 }
 
 /// A result with the diagnostics of each file.
-type Found = (Option<Outcome>, BTreeMap<PathBuf, Vec<Diagnostic>>);
+type Found = (Option<CheckResult>, BTreeMap<PathBuf, Vec<Diagnostic>>);
 
 fn file_named(sources: &SourceMap, name: &str) -> Option<FileId> {
     (0..sources.len()).map(|i| FileId(i as u16)).find(|id| sources.name(*id) == name)

@@ -2,7 +2,7 @@
 
 use super::items::Role;
 use super::panel::{Body, MOST_MAPS, Panel, Panels, is_constant, panels_of};
-use super::plan::{Kind, OUTPUT, PanelPlan, Part};
+use super::plan::{OUTPUT, PageSection, PanelPlan, PlotKind};
 use super::quantity::{quantity, readable_time, short, unit};
 use super::run::Run;
 
@@ -31,7 +31,7 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
     }
     let crowded = filled.len() > ROOMY;
     let leaves = |(plan, panel): &(&PanelPlan, Panel)| {
-        let is_field = matches!(plan.kind, Kind::Map(_));
+        let is_field = matches!(plan.kind, PlotKind::Map(_));
         plan.dispensable && plan.role != Role::Reward && (crowded || is_field) && is_flat(panel)
     };
     let (flat, mut kept): (Vec<_>, Vec<_>) = filled.into_iter().partition(leaves);
@@ -44,7 +44,7 @@ pub(super) fn fill(plans: &[PanelPlan], runs: &[Run], given_unit: &str) -> Panel
 
 /// Returns whether a quantity is the time or the number of the step, which the abscissa shows.
 fn counts_time(plan: &PanelPlan, runs: &[Run]) -> bool {
-    let Kind::Lines(lines) = &plan.kind else { return false };
+    let PlotKind::Lines(lines) = &plan.kind else { return false };
     let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0));
     let is_clock = |run: &Run| {
         let Some(line) = lines.first() else { return false };
@@ -76,16 +76,18 @@ fn constant(panel: &Panel) -> Option<String> {
 /// the rest). Within a rank, it keeps those that vary most relative to their size. `maps` is the
 /// number of panels that a field has.
 fn fit_page(panels: &mut Vec<(&PanelPlan, Panel)>, maps: usize) -> Vec<String> {
-    let count = |part: Part, most: usize| {
+    let count = |part: PageSection, most: usize| {
         let of_part = panels.iter().filter(|(plan, _)| plan.dispensable && plan.part == part).count();
         of_part.min(most)
     };
-    let fields = count(Part::Fields, MOST_FIELDS * maps.max(1));
-    let (actions, others) = (count(Part::Actions, MOST_ACTIONS), count(Part::Others, MOST_OTHERS));
-    let curves = MOST_PANELS.saturating_sub(fields + actions + others + count(Part::Reward, usize::MAX));
+    let fields = count(PageSection::Fields, MOST_FIELDS * maps.max(1));
+    let (actions, others) = (count(PageSection::Actions, MOST_ACTIONS), count(PageSection::Others, MOST_OTHERS));
+    let curves = MOST_PANELS.saturating_sub(fields + actions + others + count(PageSection::Reward, usize::MAX));
     let crowded = panels.len() > ROOMY;
     let mut leaves = vec![false; panels.len()];
-    for (part, most) in [(Part::Curves, curves), (Part::Fields, fields), (Part::Actions, actions), (Part::Others, others)] {
+    for (part, most) in
+        [(PageSection::Curves, curves), (PageSection::Fields, fields), (PageSection::Actions, actions), (PageSection::Others, others)]
+    {
         let mut order: Vec<usize> = (0..panels.len()).filter(|i| panels[*i].0.dispensable && panels[*i].0.part == part).collect();
         let worth = |i: &usize| (panels[*i].0.rank, -relative_variation(&panels[*i].1));
         order.sort_by(|a, b| {

@@ -5,7 +5,7 @@ use super::axis::{Axis, span};
 use super::colour;
 use super::drawing::Colour;
 use super::items::{Member, Role, Space};
-use super::plan::{Kind, Line, MOST_LINES, PanelPlan};
+use super::plan::{Line, MOST_LINES, PanelPlan, PlotKind};
 use super::quantity::{bracketed, short, unit};
 use super::run::Run;
 
@@ -117,16 +117,16 @@ pub(super) fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: 
     let few = || runs.iter().take(MOST_MAPS);
     let space = plan.space.as_deref().filter(|_| !runs.iter().any(|run| run.moved));
     let bodies = match &plan.kind {
-        Kind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
-        Kind::Profile(groups) => vec![(String::new(), profile(groups, space, runs))],
-        Kind::Map(cells) if runs.iter().all(|run| is_uniform(cells, run)) => {
+        PlotKind::Lines(lines) => vec![(String::new(), curves(lines, runs, factor, plan.role))],
+        PlotKind::Profile(groups) => vec![(String::new(), profile(groups, space, runs))],
+        PlotKind::Map(cells) if runs.iter().all(|run| is_uniform(cells, run)) => {
             vec![(String::new(), curves(&uniform(plan, cells), runs, factor, plan.role))]
         }
-        Kind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, space, &plan.index, run)))).collect(),
-        Kind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, space, run, factor, time_unit))).collect(),
+        PlotKind::Map(cells) => few().map(|run| (run.label.clone(), Body::Map(map(cells, space, &plan.index, run)))).collect(),
+        PlotKind::Course(cells) => few().map(|run| (run.label.clone(), course(cells, space, run, factor, time_unit))).collect(),
     };
     let coordinate = space.map_or_else(|| (plan.index.clone(), String::new()), |space| (space.name.clone(), unit(&space.unit)));
-    let over_space = matches!(plan.kind, Kind::Profile(_) | Kind::Course(_));
+    let over_space = matches!(plan.kind, PlotKind::Profile(_) | PlotKind::Course(_));
     let panel = |(label, body): (String, Body)| {
         let text = if runs.len() > 1 && !label.is_empty() { label } else { text(plan, &body) };
         Panel { name: plan.name.clone(), unit: unit(&plan.unit), text, over_space, coordinate: coordinate.clone(), body }
@@ -136,15 +136,15 @@ pub(super) fn panels_of(plan: &PanelPlan, runs: &[Run], factor: f64, time_unit: 
 
 fn text(plan: &PanelPlan, body: &Body) -> String {
     let all = match &plan.kind {
-        Kind::Lines(lines) => lines.len(),
-        Kind::Profile(groups) => groups.len(),
+        PlotKind::Lines(lines) => lines.len(),
+        PlotKind::Profile(groups) => groups.len(),
         _ => 0,
     };
     let shown = if let Body::Curves(curves) = body { curves.series.len() } else { 0 };
     let part = (all > MOST_LINES && shown > 0).then(|| format!("the {MOST_LINES} that vary most, of {all}"));
-    let end = matches!(plan.kind, Kind::Profile(_)).then(|| "at the end".to_owned());
+    let end = matches!(plan.kind, PlotKind::Profile(_)).then(|| "at the end".to_owned());
     let same = match (&plan.kind, body) {
-        (Kind::Map(cells), Body::Curves(_)) => Some(format!("the same in all {}", cells.len())),
+        (PlotKind::Map(cells), Body::Curves(_)) => Some(format!("the same in all {}", cells.len())),
         _ => None,
     };
     let texts = [Some(plan.text.clone()).filter(|t| !t.is_empty()), end, part, same];

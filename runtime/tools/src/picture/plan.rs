@@ -41,7 +41,7 @@ pub struct PanelPlan {
     /// Kind.
     pub role: Role,
     /// Form of display.
-    pub kind: Kind,
+    pub kind: PlotKind,
     /// Positions of the shown cells, if known.
     pub space: Option<Arc<Space>>,
     /// Left out where there is no room and nothing changes.
@@ -51,14 +51,14 @@ pub struct PanelPlan {
     /// Name of the quantity in any instance of its component: `col[*].c`.
     pub family: String,
     /// Part of the page.
-    pub part: Part,
+    pub part: PageSection,
     /// Rank within a part: where there are more panels than fit, those of rank 0 stay first.
     pub rank: u8,
 }
 
 /// Parts of a page, each with its own room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum PageSection {
     /// Observed quantities, states, outputs.
     Curves,
     /// Fields over space.
@@ -73,7 +73,7 @@ pub enum Part {
 
 /// Format of numbers.
 #[derive(Clone, Debug)]
-pub enum Kind {
+pub enum PlotKind {
     /// Curves over time; the most changing ones where there are more than fit.
     Lines(Vec<Line>),
     /// Space over time, first cell lowest.
@@ -227,19 +227,19 @@ fn part_of(item: &Item, name: &str, members: Vec<Member>) -> Item {
     Item { name, indices, members, ..item.clone() }
 }
 
-fn panel(item: &Item, kind: Kind) -> PanelPlan {
+fn panel(item: &Item, kind: PlotKind) -> PanelPlan {
     let (unit, text) = (item.unit.clone(), item.text.clone());
     let space = item.indices.last().and_then(|index| index.space.clone());
     let index = item.indices.last().map_or(UNNAMED, |index| index.name.as_str()).to_owned();
     let (name, family, role) = (item.name.clone(), family(&item.name), item.role);
-    PanelPlan { name, unit, text, role, kind, space, dispensable: false, index, family, part: Part::Curves, rank: 0 }
+    PanelPlan { name, unit, text, role, kind, space, dispensable: false, index, family, part: PageSection::Curves, rank: 0 }
 }
 
 /// Panels for all numbers of a quantity.
 fn expanded(item: &Item) -> Vec<PanelPlan> {
     match item.indices.last() {
         Some(last) if last.is_space() => vec![in_space(item)],
-        _ => item.members.chunks(MOST_LINES).map(|part| panel(item, Kind::Lines(lines(item, part)))).collect(),
+        _ => item.members.chunks(MOST_LINES).map(|part| panel(item, PlotKind::Lines(lines(item, part)))).collect(),
     }
 }
 
@@ -253,7 +253,7 @@ fn lines(item: &Item, members: &[Member]) -> Vec<Line> {
 fn in_space(item: &Item) -> PanelPlan {
     let cells = item.indices.last().map_or(1, |last| last.labels.len());
     match item.indices.len() {
-        1 => panel(item, Kind::Map(item.members.clone())),
+        1 => panel(item, PlotKind::Map(item.members.clone())),
         _ if item.indices[item.indices.len() - 2].is_space() => {
             let outer = |member: &Member| Member { label: leading(&member.label), ..member.clone() };
             let rim: Vec<Member> = item.members.chunks(cells).filter_map(|chunk| chunk.last().map(outer)).collect();
@@ -265,7 +265,7 @@ fn in_space(item: &Item) -> PanelPlan {
         }
         _ => {
             let group = |chunk: &[Member]| (leading(&chunk[0].label), chunk.to_vec());
-            panel(item, Kind::Profile(item.members.chunks(cells).map(group).collect()))
+            panel(item, PlotKind::Profile(item.members.chunks(cells).map(group).collect()))
         }
     }
 }
@@ -277,7 +277,7 @@ fn leading(label: &str) -> String {
 
 fn course(item: &Item) -> PanelPlan {
     match item.indices.len() {
-        0 | 1 => panel(item, Kind::Course(item.members.clone())),
+        0 | 1 => panel(item, PlotKind::Course(item.members.clone())),
         _ => in_space(item),
     }
 }
@@ -299,12 +299,12 @@ fn together(name: &str, items: &[Item]) -> PanelPlan {
         unit: unit.to_owned(),
         text: String::new(),
         role: items.first().map_or(Role::Other, |item| item.role),
-        kind: Kind::Lines(items.iter().flat_map(of_item).collect()),
+        kind: PlotKind::Lines(items.iter().flat_map(of_item).collect()),
         space: None,
         dispensable: false,
         index: UNNAMED.to_owned(),
         family: name.to_owned(),
-        part: Part::Curves,
+        part: PageSection::Curves,
         rank: 0,
     }
 }
@@ -331,17 +331,17 @@ fn usual(items: &[Item]) -> Vec<PanelPlan> {
     let own = of(Role::Observation, true)
         .filter(|panel| !items.iter().any(|i| i.role == Role::Observation && i.name == panel.name && is_shadow(items, i)));
     let first = seen.chain(own).chain(of(Role::State, false)).chain(of(Role::Other, false)).chain(of(Role::Output, false));
-    let (curves, fields): (Vec<PanelPlan>, Vec<PanelPlan>) = first.partition(|panel| matches!(panel.kind, Kind::Lines(_)));
+    let (curves, fields): (Vec<PanelPlan>, Vec<PanelPlan>) = first.partition(|panel| matches!(panel.kind, PlotKind::Lines(_)));
     let actions = of(Role::Action, false).chain(of(Role::Action, true));
     let discretes = of(Role::Discrete, true).chain(of(Role::Discrete, false));
     let others = discretes.chain(of(Role::Disturbance, true)).chain(of(Role::Disturbance, false));
     let reward = items.iter().filter(|i| i.role == Role::Reward).take(1).flat_map(expanded);
-    let part = |part: Part| move |panel: PanelPlan| PanelPlan { part, dispensable: true, ..panel };
-    let curves = curves.into_iter().take(MOST_CANDIDATES).map(part(Part::Curves));
-    let fields = fields.into_iter().take(MOST_CANDIDATES).map(part(Part::Fields));
-    let actions = actions.take(MOST_CANDIDATES).map(part(Part::Actions));
-    let others = others.take(MOST_CANDIDATES).map(part(Part::Others));
-    curves.chain(fields).chain(actions).chain(others).chain(reward.map(part(Part::Reward))).collect()
+    let part = |part: PageSection| move |panel: PanelPlan| PanelPlan { part, dispensable: true, ..panel };
+    let curves = curves.into_iter().take(MOST_CANDIDATES).map(part(PageSection::Curves));
+    let fields = fields.into_iter().take(MOST_CANDIDATES).map(part(PageSection::Fields));
+    let actions = actions.take(MOST_CANDIDATES).map(part(PageSection::Actions));
+    let others = others.take(MOST_CANDIDATES).map(part(PageSection::Others));
+    curves.chain(fields).chain(actions).chain(others).chain(reward.map(part(PageSection::Reward))).collect()
 }
 
 /// Rank of what is neither observed nor bounded nor a state.
@@ -369,7 +369,7 @@ fn summary(items: &[Item], item: &Item) -> Option<PanelPlan> {
         let member = Member { source: None::<Followed>, ..reading.clone() };
         all.push(Line { label: "observed".into(), role: Role::Observation, member, dots: true });
     }
-    (!all.is_empty()).then(|| panel(item, Kind::Lines(all)))
+    (!all.is_empty()).then(|| panel(item, PlotKind::Lines(all)))
 }
 
 #[cfg(test)]
@@ -388,11 +388,11 @@ mod tests {
     fn kinds(show: &[&str]) -> Vec<(String, &'static str, usize)> {
         let show: Vec<String> = show.iter().map(|s| (*s).to_owned()).collect();
         let panels = plan(&items(), &show).expect("names there are");
-        let kind = |k: &Kind| match k {
-            Kind::Lines(lines) => ("lines", lines.len()),
-            Kind::Map(cells) => ("map", cells.len()),
-            Kind::Profile(groups) => ("profile", groups.len()),
-            Kind::Course(cells) => ("course", cells.len()),
+        let kind = |k: &PlotKind| match k {
+            PlotKind::Lines(lines) => ("lines", lines.len()),
+            PlotKind::Map(cells) => ("map", cells.len()),
+            PlotKind::Profile(groups) => ("profile", groups.len()),
+            PlotKind::Course(cells) => ("course", cells.len()),
         };
         panels.into_iter().map(|p| (p.name, kind(&p.kind).0, kind(&p.kind).1)).collect()
     }

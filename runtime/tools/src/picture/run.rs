@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::items::Role;
-use super::plan::{Kind, PanelPlan};
+use super::plan::{PanelPlan, PlotKind};
 use smpl_runtime::environment::{Environment, Followed, StepError, Trace};
 use smpl_runtime::setup::{Setup, SetupError};
 use smpl_runtime::trajectory::{Columns, DataError, Table};
@@ -261,11 +261,11 @@ impl Follower {
 /// The columns of panels that have values within steps.
 pub(crate) fn followed(panels: &[PanelPlan]) -> impl Iterator<Item = (String, Followed)> + '_ {
     let lines = panels.iter().flat_map(|panel| match &panel.kind {
-        Kind::Lines(lines) => lines.as_slice(),
+        PlotKind::Lines(lines) => lines.as_slice(),
         _ => &[],
     });
     let fields = panels.iter().filter_map(|panel| match &panel.kind {
-        Kind::Map(cells) if cells.len() <= MOST_FOLLOWED => Some(cells),
+        PlotKind::Map(cells) if cells.len() <= MOST_FOLLOWED => Some(cells),
         _ => None,
     });
     let members = lines.map(|line| &line.member).chain(fields.flatten());

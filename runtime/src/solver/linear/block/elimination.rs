@@ -48,7 +48,7 @@ impl Rows<'_> {
 
 /// Kind of a number. L and the pivots have places among the factors.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum FactorEntry {
     /// Minus an entry of L; the pivot of its column, its place.
     Lower(u32, u32),
     Upper,
@@ -58,7 +58,7 @@ enum Kind {
 
 /// A number to be computed.
 struct Number {
-    kind: Kind,
+    kind: FactorEntry,
     /// The entry of the matrix, unless it is one of the fill.
     entry: Option<u32>,
     /// Pairs of numbers of L and U.
@@ -70,9 +70,9 @@ impl Number {
     /// Those that agree in it are done side by side.
     fn shape(&self) -> (u32, u8, bool, usize) {
         let kind = match self.kind {
-            Kind::Lower(..) => 0,
-            Kind::Upper => 1,
-            Kind::Pivot(_) => 2,
+            FactorEntry::Lower(..) => 0,
+            FactorEntry::Upper => 1,
+            FactorEntry::Pivot(_) => 2,
         };
         (self.level, kind, self.entry.is_none(), self.terms.len())
     }
@@ -80,7 +80,7 @@ impl Number {
 
 /// Numbers done side by side.
 struct Chunk {
-    kind: Kind,
+    kind: FactorEntry,
     /// They are not entries of the matrix.
     fill: bool,
     /// One, or four.
@@ -185,9 +185,11 @@ fn list(rows: &Rows) -> (Vec<Number>, Vec<u32>, Vec<u32>) {
     for (row, (left, right)) in rows.lower.iter().zip(rows.upper).enumerate() {
         let first = numbers.len() as u32;
         let new = |kind| Number { kind, entry: None, terms: Vec::new(), level: 0 };
-        numbers.extend(left.iter().zip(&rows.lower_places[row]).map(|(&column, &place)| new(Kind::Lower(pivots[column as usize], place))));
-        numbers.push(new(Kind::Pivot(rows.inverse_places[row])));
-        numbers.extend(right.iter().map(|_| new(Kind::Upper)));
+        numbers.extend(
+            left.iter().zip(&rows.lower_places[row]).map(|(&column, &place)| new(FactorEntry::Lower(pivots[column as usize], place))),
+        );
+        numbers.push(new(FactorEntry::Pivot(rows.inverse_places[row])));
+        numbers.extend(right.iter().map(|_| new(FactorEntry::Upper)));
         pivots.push(first + left.len() as u32);
         upper_starts.push(upper.len());
         upper.extend(first + left.len() as u32 + 1..numbers.len() as u32);
@@ -208,7 +210,7 @@ fn list(rows: &Rows) -> (Vec<Number>, Vec<u32>, Vec<u32>) {
 /// Sets the level of a number whose terms are known.
 fn finish(numbers: &mut [Number], number: u32) {
     let Number { kind, terms, .. } = &numbers[number as usize];
-    let pivot = if let Kind::Lower(pivot, _) = *kind { Some(pivot) } else { None };
+    let pivot = if let FactorEntry::Lower(pivot, _) = *kind { Some(pivot) } else { None };
     let before = terms.iter().flat_map(|&(l, u)| [l, u]).chain(pivot);
     numbers[number as usize].level = before.map(|before| numbers[before as usize].level + 1).max().unwrap_or(0);
 }
@@ -216,7 +218,7 @@ fn finish(numbers: &mut [Number], number: u32) {
 /// Places of the operands of a number.
 fn operands(number: &Number, slots: &[u32]) -> (Vec<(u32, u32)>, Option<u32>, Option<u32>) {
     let slot = |at: u32| slots[at as usize];
-    let pivot = if let Kind::Lower(pivot, _) = number.kind { Some(slot(pivot)) } else { None };
+    let pivot = if let FactorEntry::Lower(pivot, _) = number.kind { Some(slot(pivot)) } else { None };
     (number.terms.iter().map(|&(l, u)| (slot(l), slot(u))).collect(), pivot, number.entry)
 }
 
@@ -228,10 +230,12 @@ fn write(lanes: &[u32], numbers: &[Number], slots: &[u32], places: &mut Vec<u32>
         places.extend(lanes().map(|number| slots[number.terms[term].0 as usize]));
         places.extend(lanes().map(|number| slots[number.terms[term].1 as usize]));
     }
-    places.extend(lanes().filter_map(|number| if let Kind::Lower(pivot, _) = number.kind { Some(slots[pivot as usize]) } else { None }));
+    places.extend(
+        lanes().filter_map(|number| if let FactorEntry::Lower(pivot, _) = number.kind { Some(slots[pivot as usize]) } else { None }),
+    );
     places.extend(lanes().filter_map(|number| match number.kind {
-        Kind::Lower(_, place) | Kind::Pivot(place) => Some(place),
-        Kind::Upper => None,
+        FactorEntry::Lower(_, place) | FactorEntry::Pivot(place) => Some(place),
+        FactorEntry::Upper => None,
     }));
 }
 
@@ -273,21 +277,21 @@ unsafe fn step<const N: usize>(
             }
         }
         match chunk.kind {
-            Kind::Upper => {}
-            Kind::Lower(..) => {
+            FactorEntry::Upper => {}
+            FactorEntry::Lower(..) => {
                 let inverses: [usize; N] = take(places);
                 for lane in 0..N {
                     sums[lane] = -sums[lane] * *numbers.add(inverses[lane]);
                 }
             }
-            Kind::Pivot(_) => {
+            FactorEntry::Pivot(_) => {
                 for lane in 0..N {
                     let Some(inverse) = reciprocal(sums[lane], entries[lane]) else { return false };
                     sums[lane] = inverse;
                 }
             }
         }
-        if chunk.kind != Kind::Upper {
+        if chunk.kind != FactorEntry::Upper {
             let to: [usize; N] = take(places);
             for lane in 0..N {
                 *factors.get_unchecked_mut(to[lane]) = sums[lane];

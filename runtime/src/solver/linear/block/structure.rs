@@ -12,7 +12,7 @@ use super::{LANES, SMALL, serves};
 use crate::solver::{Pattern, SolveError};
 
 /// Diagonal blocks.
-pub(super) enum Step {
+pub(super) enum BlockStep {
     /// To be inverted: blocks of one dimension, one or [`LANES`] of them side by side.
     Small { size: u8, single: bool },
     /// To be factorised.
@@ -258,7 +258,7 @@ enum Draft {
 /// A factorisation and the substitution that goes with it.
 pub(super) struct Structure {
     /// The blocks, one after the other.
-    pub steps: Box<[Step]>,
+    pub steps: Box<[BlockStep]>,
     pub small: Small,
     pub substitution: Substitution,
 }
@@ -282,9 +282,9 @@ pub(super) fn analyse(pattern: &Pattern) -> Result<Structure, SolveError> {
     let (mut substitution, places) = Substitution::new(&sums, &by_column);
     let mut small = Small::default();
     let large = drafts.iter().filter_map(|draft| draft.place(&entries, &places));
-    let steps: Box<[Step]> = large.chain(place_small(&drafts, &entries, &places, &mut small)).collect();
+    let steps: Box<[BlockStep]> = large.chain(place_small(&drafts, &entries, &places, &mut small)).collect();
     for step in &steps {
-        if let Step::Large(large) = step {
+        if let BlockStep::Large(large) = step {
             large.ones.iter().for_each(|&place| substitution.factors_mut()[place as usize] = 1.0);
         }
     }
@@ -358,9 +358,9 @@ fn filled(row: u32, entries: impl Iterator<Item = u32>, upper: &[Vec<u32>], seen
 
 impl Draft {
     /// A large block with its places.
-    fn place(&self, entries: &Entries, places: &Places) -> Option<Step> {
+    fn place(&self, entries: &Entries, places: &Places) -> Option<BlockStep> {
         let Self::Large { block, lower, upper, sums } = self else { return None };
-        Some(Step::Large(Box::new(place_large(entries, places, block, (lower, upper), sums))))
+        Some(BlockStep::Large(Box::new(place_large(entries, places, block, (lower, upper), sums))))
     }
 
     /// A small block with its places.
@@ -402,7 +402,7 @@ impl Items {
 
 /// Small blocks, those of one shape side by side: an inversion waits for a division at each pivot,
 /// and meanwhile does those of other blocks.
-fn place_small(drafts: &[Draft], entries: &Entries, places: &Places, small: &mut Small) -> Vec<Step> {
+fn place_small(drafts: &[Draft], entries: &Entries, places: &Places, small: &mut Small) -> Vec<BlockStep> {
     let mut shapes: BTreeMap<_, Vec<Items>> = BTreeMap::new();
     for items in drafts.iter().filter_map(|draft| draft.items(entries, places)) {
         shapes.entry(items.shape()).or_default().push(items);
@@ -418,14 +418,14 @@ fn place_small(drafts: &[Draft], entries: &Entries, places: &Places, small: &mut
 
 impl Small {
     /// Appends blocks side by side.
-    fn push(&mut self, blocks: &[Items]) -> Step {
+    fn push(&mut self, blocks: &[Items]) -> BlockStep {
         let first = &blocks[0];
         self.counts.push((first.inside.len() as u32, first.columns.len() as u32));
         self.columns.extend(&first.columns);
         (0..first.inside.len()).for_each(|at| self.inside.extend(blocks.iter().map(|block| block.inside[at])));
         (0..first.outside.len()).for_each(|at| self.outside.extend(blocks.iter().map(|block| block.outside[at])));
         (0..first.places.len()).for_each(|at| self.places.extend(blocks.iter().map(|block| block.places[at])));
-        Step::Small { size: first.size, single: blocks.len() == 1 }
+        BlockStep::Small { size: first.size, single: blocks.len() == 1 }
     }
 }
 

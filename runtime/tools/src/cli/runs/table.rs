@@ -1,11 +1,11 @@
 //! Tables of many runs: every row of all of them, one row a run, and a few lines for people.
 
-use super::{Outcome, Point, ends, moments, returns};
+use super::{Point, RunResult, ends, moments, returns};
 use crate::cli::simulate::SimulateArguments;
 use crate::picture::Run;
 use smpl_runtime::failure::Short;
 use smpl_runtime::scenario::Value;
-use smpl_runtime::trajectory::{Cell, Kind, Table};
+use smpl_runtime::trajectory::{Cell, ColumnType, Table};
 
 /// Columns that distinguish runs.
 pub(super) struct Keys<'a> {
@@ -17,21 +17,21 @@ pub(super) struct Keys<'a> {
 impl Keys<'_> {
     /// Columns: the number of the run, the values of the sweeps, the seed. A sweep whose name is
     /// that of another column, as that of the start of a state, is `sweep.NAME`.
-    fn columns(&self, others: &[(String, Kind)]) -> Vec<(String, Kind)> {
+    fn columns(&self, others: &[(String, ColumnType)]) -> Vec<(String, ColumnType)> {
         let taken = |name: &str| matches!(name, "run" | "seed") || others.iter().any(|(other, _)| other == name);
         let sweeps = self.arguments.sweep.iter().map(|sweep| {
             let numbers = sweep.values.iter().all(|value| value.number().is_some());
             let name = if taken(&sweep.name) { format!("sweep.{}", sweep.name) } else { sweep.name.clone() };
-            (name, if numbers { Kind::Number } else { Kind::Text })
+            (name, if numbers { ColumnType::Number } else { ColumnType::Text })
         });
-        let run = std::iter::once(("run".to_owned(), Kind::Integer));
+        let run = std::iter::once(("run".to_owned(), ColumnType::Integer));
         run.chain(sweeps).chain([("seed".to_owned(), self.kind_of_seeds())]).collect()
     }
 
     /// Seeds that have no place among signed numbers make the column one of unsigned numbers.
-    fn kind_of_seeds(&self) -> Kind {
+    fn kind_of_seeds(&self) -> ColumnType {
         let last = self.arguments.seed.saturating_add(self.episodes as u64 - 1);
-        if i64::try_from(last).is_ok() { Kind::Integer } else { Kind::Natural }
+        if i64::try_from(last).is_ok() { ColumnType::Integer } else { ColumnType::Natural }
     }
 
     fn point(&self, index: usize) -> &Point {
@@ -41,16 +41,16 @@ impl Keys<'_> {
     /// Cells of a run.
     fn cells(&self, index: usize, table: &mut Table) -> Vec<Cell> {
         let mut cells = vec![Cell::Integer(index as i64)];
-        let kinds: Vec<Kind> = self.columns(&[]).iter().map(|(_, kind)| *kind).collect();
+        let kinds: Vec<ColumnType> = self.columns(&[]).iter().map(|(_, kind)| *kind).collect();
         for (value, kind) in self.point(index).values.iter().zip(&kinds[1..]) {
             cells.push(match (value, kind) {
-                (Value::Number(x), Kind::Number) => Cell::Number(*x),
+                (Value::Number(x), ColumnType::Number) => Cell::Number(*x),
                 (value, _) => table.text(&value.to_string()),
             });
         }
         let seed = self.seed(index);
         cells.push(match (self.kind_of_seeds(), i64::try_from(seed)) {
-            (Kind::Integer, Ok(seed)) => Cell::Integer(seed),
+            (ColumnType::Integer, Ok(seed)) => Cell::Integer(seed),
             _ => Cell::Natural(seed),
         });
         cells
@@ -74,8 +74,8 @@ fn shown(value: &Value) -> String {
 
 /// Every row of every run, one after another, with the columns that tell them apart first. Columns
 /// that some runs do not have are empty there.
-pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
-    let mut columns: Vec<(String, Kind)> = Vec::new();
+pub(super) fn rows(keys: &Keys<'_>, outcomes: &[RunResult]) -> Table {
+    let mut columns: Vec<(String, ColumnType)> = Vec::new();
     for (name, kind) in outcomes.iter().filter_map(|o| o.table.as_ref()).flat_map(|table| table.columns()) {
         // Runs of one setup have the same columns, so that nearly always the last one is looked at
         // first.
@@ -103,7 +103,7 @@ pub(super) fn rows(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
 
 /// One row a run: keys, steps, time, sums of rewards, how it ended, and the parameters that were
 /// drawn.
-pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
+pub(super) fn summary(keys: &Keys<'_>, outcomes: &[RunResult]) -> Table {
     let rewards = &keys.points[0].setup.model().interface().finish.rewards;
     let mut drawn: Vec<String> = Vec::new();
     for (name, _) in outcomes.iter().flat_map(|o| &o.drawn) {
@@ -111,10 +111,11 @@ pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
             drawn.push(name.clone());
         }
     }
-    let mut columns = vec![("steps".to_owned(), Kind::Integer), ("time".to_owned(), Kind::Number), ("return".to_owned(), Kind::Number)];
-    columns.extend(rewards.iter().map(|r| (format!("sum.{}", r.name), Kind::Number)));
-    columns.extend(["end", "failure"].map(|name| (name.to_owned(), Kind::Text)));
-    columns.extend(drawn.iter().map(|name| (format!("param.{name}"), Kind::Number)));
+    let mut columns =
+        vec![("steps".to_owned(), ColumnType::Integer), ("time".to_owned(), ColumnType::Number), ("return".to_owned(), ColumnType::Number)];
+    columns.extend(rewards.iter().map(|r| (format!("sum.{}", r.name), ColumnType::Number)));
+    columns.extend(["end", "failure"].map(|name| (name.to_owned(), ColumnType::Text)));
+    columns.extend(drawn.iter().map(|name| (format!("param.{name}"), ColumnType::Number)));
     let mut out = Table::new(keys.columns(&columns).into_iter().chain(columns).collect());
     for (index, outcome) in outcomes.iter().enumerate() {
         let mut row = keys.cells(index, &mut out);
@@ -135,9 +136,9 @@ pub(super) fn summary(keys: &Keys<'_>, outcomes: &[Outcome]) -> Table {
 pub(super) const MOST_DRAWN: usize = 200;
 
 /// The runs as they are drawn, the first ones of many.
-pub(super) fn pictures(keys: &Keys<'_>, outcomes: &[Outcome]) -> Vec<Run> {
+pub(super) fn pictures(keys: &Keys<'_>, outcomes: &[RunResult]) -> Vec<Run> {
     let grids = |point: usize| &keys.points[point].setup.model().interface().grids;
-    let run = |(index, outcome): (usize, &Outcome)| {
+    let run = |(index, outcome): (usize, &RunResult)| {
         let moved = outcome.moved || grids(index / keys.episodes) != grids(0);
         Some(Run::of_table(&keys.label(index), outcome.table.as_ref()?).with_moved(moved))
     };
@@ -145,7 +146,7 @@ pub(super) fn pictures(keys: &Keys<'_>, outcomes: &[Outcome]) -> Vec<Run> {
 }
 
 /// A line for each combination: its values, mean and standard deviation of the return, ends.
-pub(super) fn points_as_text(keys: &Keys<'_>, outcomes: &[Outcome]) -> String {
+pub(super) fn points_as_text(keys: &Keys<'_>, outcomes: &[RunResult]) -> String {
     const MOST: usize = 60;
     let mut lines: Vec<Vec<String>> = vec![keys.arguments.sweep.iter().map(|s| s.name.clone()).collect()];
     lines[0].extend(["mean", "deviation", "ends"].map(str::to_owned));
