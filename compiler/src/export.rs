@@ -86,6 +86,12 @@ exporters! {
 }
 
 impl Target {
+    /// The names of all of them, for messages.
+    #[must_use]
+    pub fn names() -> String {
+        Self::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+    }
+
     /// The name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -98,10 +104,7 @@ impl FromStr for Target {
 
     fn from_str(name: &str) -> Result<Target, ExportError> {
         let found = Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, target)| *target);
-        found.ok_or_else(|| ExportError::UnknownTarget {
-            name: name.to_owned(),
-            known: Self::ALL.iter().map(|(known, _)| *known).collect::<Vec<_>>().join(", "),
-        })
+        found.ok_or_else(|| ExportError::UnknownTarget { name: name.to_owned(), known: Self::names() })
     }
 }
 

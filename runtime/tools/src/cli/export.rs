@@ -22,8 +22,7 @@ pub(super) struct ExportArguments {
     /// Model
     #[arg(value_name = "FILE.eq")]
     file: PathBuf,
-    /// The form: casadi, jax, c, json, fmu
-    #[arg(long, value_name = "TARGET", value_parser = target)]
+    #[arg(long, value_name = "TARGET", value_parser = target, help = format!("The form: {}", Target::names()))]
     to: Target,
     #[command(flatten)]
     model: ModelArguments,
