@@ -33,7 +33,7 @@ mod trials;
 mod unknown;
 
 pub(in crate::elaborate) use common::each;
-pub use entries::{block_entries, is_entry_setting};
+pub use entries::{block_entries, is_entry_setting, refused_by_solver, solver_setting};
 pub(in crate::elaborate) use observations::check_level;
 pub(crate) use order::ordered_initial;
 

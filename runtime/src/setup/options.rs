@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU32;
 
 use serde::Deserialize;
+use smpl_compiler::elaborate::{refused_by_solver, solver_setting};
 use smpl_compiler::model::{LinearSolver, Method, Solver};
 
 /// Options of a new environment; everything else is in the model.
@@ -31,89 +32,98 @@ pub struct EnvironmentOptions {
     pub solver: SolverOverrides,
 }
 
-/// Settings of the solver that are not as the model has them: the block `solver` of a scenario.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SolverOverrides {
-    /// Relative tolerance.
-    pub rtol: Option<f64>,
-    /// Relative tolerance of the one-step methods.
-    pub one_step_rtol: Option<f64>,
-    /// Absolute tolerance over rtol times the scale.
-    pub atol_factor: Option<f64>,
-    /// Highest order.
-    pub max_order: Option<u32>,
-    /// Most internal steps within a step.
-    pub max_steps: Option<u32>,
-    /// Most instants of events within a step.
-    pub max_events: Option<NonZeroU32>,
-    /// Longest internal step, in the model's unit of time.
-    pub max_step: Option<f64>,
-    /// True if a control step that the method fails in is repeated with the other implicit method.
-    pub retry: Option<bool>,
-    /// True if algebraic variables enter the error test.
-    pub algebraic_error_control: Option<bool>,
-    /// True if the integrals of rewards enter the error test.
-    pub quadrature_error_control: Option<bool>,
-    /// Linear solver of Newton's method.
-    pub linear_solver: Option<LinearSolver>,
-    /// Integration method.
-    pub method: Option<Method>,
+/// Settings that replace those of a model: the struct, its application and its lists from one list.
+macro_rules! overrides {
+    ($($(#[$about:meta])* $name:ident: $type:ty;)*) => {
+        /// Settings of the solver that replace those of the model, as in the block `solver` of
+        /// scenarios.
+        #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct SolverOverrides {
+            $($(#[$about])* pub $name: Option<$type>,)*
+        }
+
+        impl SolverOverrides {
+            /// The settings of a model, replaced by these.
+            pub(crate) fn over(&self, declared: &Solver) -> Solver {
+                let mut out = declared.clone();
+                // An `rtol` given here holds for every method.
+                out.one_step_rtol = out.one_step_rtol.filter(|_| self.rtol.is_none());
+                $(if let Some(value) = self.$name {
+                    out.$name = value.into();
+                })*
+                out
+            }
+
+            /// Given values, by the names of settings.
+            pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
+                let given = [$((stringify!($name), self.$name.is_some())),*];
+                given.into_iter().filter(|(_, given)| *given).map(|(name, _)| solver_setting(name))
+            }
+
+            /// The first entry that the solver cannot take: its name, what it must be, and its
+            /// value.
+            pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
+                let given = [$((stringify!($name), self.$name.and_then(AsNumber::number))),*];
+                given.into_iter().find_map(|(name, x)| {
+                    // An infinite `max_step` bounds nothing.
+                    let x = x.filter(|x| name != "max_step" || *x != f64::INFINITY)?;
+                    Some((name, refused_by_solver(name, x)?, x.to_string()))
+                })
+            }
+        }
+    };
 }
 
-impl SolverOverrides {
-    /// The settings of a model, replaced by these.
-    pub(crate) fn over(&self, declared: &Solver) -> Solver {
-        Solver {
-            rtol: self.rtol.unwrap_or(declared.rtol),
-            // An `rtol` given here holds for every method.
-            one_step_rtol: self.one_step_rtol.or(declared.one_step_rtol.filter(|_| self.rtol.is_none())),
-            atol_factor: self.atol_factor.unwrap_or(declared.atol_factor),
-            safety: declared.safety,
-            max_order: self.max_order.unwrap_or(declared.max_order),
-            max_steps: self.max_steps.unwrap_or(declared.max_steps),
-            max_events: self.max_events.map_or(declared.max_events, NonZeroU32::get),
-            max_step: self.max_step.unwrap_or(declared.max_step),
-            pade: declared.pade,
-            retry: self.retry.unwrap_or(declared.retry),
-            algebraic_error_control: self.algebraic_error_control.unwrap_or(declared.algebraic_error_control),
-            quadrature_error_control: self.quadrature_error_control.unwrap_or(declared.quadrature_error_control),
-            linear_solver: self.linear_solver.unwrap_or(declared.linear_solver),
-            method: self.method.unwrap_or(declared.method),
+/// Numbers among the values of settings.
+trait AsNumber {
+    /// The number; `None` for what has all of its values accepted.
+    fn number(self) -> Option<f64>;
+}
+
+macro_rules! as_number {
+    ($($type:ty: $value:ident => $number:expr;)*) => {$(
+        impl AsNumber for $type {
+            fn number(self) -> Option<f64> {
+                let $value = self;
+                $number
+            }
         }
-    }
+    )*};
+}
 
-    /// Given values, by the names of settings.
-    pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
-        let given = [
-            ("rtol", self.rtol.is_some()),
-            ("one_step_rtol", self.one_step_rtol.is_some()),
-            ("atol_factor", self.atol_factor.is_some()),
-            ("max_order", self.max_order.is_some()),
-            ("max_internal_steps", self.max_steps.is_some()),
-            ("max_events", self.max_events.is_some()),
-            ("max_step", self.max_step.is_some()),
-            ("retry", self.retry.is_some()),
-            ("algebraic_error_control", self.algebraic_error_control.is_some()),
-            ("quadrature_error_control", self.quadrature_error_control.is_some()),
-            ("linear_solver", self.linear_solver.is_some()),
-            ("method", self.method.is_some()),
-        ];
-        given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name)
-    }
+as_number! {
+    f64: x => Some(x);
+    u32: n => Some(f64::from(n));
+    NonZeroU32: n => Some(f64::from(n.get()));
+    bool: _any => None;
+    LinearSolver: _any => None;
+    Method: _any => None;
+}
 
-    /// The first entry that the solver cannot take: its name, what it must be, and what it is.
-    pub(crate) fn bad_value(&self) -> Option<(&'static str, &'static str, String)> {
-        let positive = |x: &f64| x.is_finite() && *x > 0.0;
-        let number = |name, expected, given: Option<f64>, holds: &dyn Fn(&f64) -> bool| {
-            given.filter(|x| !holds(x)).map(|x| (name, expected, x.to_string()))
-        };
-        let tolerance = |name, given| number(name, Solver::RTOL_TEXT, given, &|x| Solver::RTOL.contains(x));
-        tolerance("rtol", self.rtol)
-            .or_else(|| tolerance("one_step_rtol", self.one_step_rtol))
-            .or_else(|| number("atol_factor", "a positive number", self.atol_factor, &positive))
-            .or_else(|| number("max_order", "from 1 to 5", self.max_order.map(f64::from), &|x| (1.0..=5.0).contains(x)))
-            .or_else(|| number("max_steps", "at least 1", self.max_steps.map(f64::from), &|x| *x >= 1.0))
-            .or_else(|| number("max_step", "a positive number", self.max_step, &|x| *x > 0.0))
-    }
+overrides! {
+    /// Relative tolerance.
+    rtol: f64;
+    /// Relative tolerance of the one-step methods.
+    one_step_rtol: f64;
+    /// Absolute tolerance over rtol times the scale.
+    atol_factor: f64;
+    /// Highest order.
+    max_order: u32;
+    /// Most internal steps within a step.
+    max_steps: u32;
+    /// Most instants of events within a step.
+    max_events: NonZeroU32;
+    /// Longest internal step, in the model's unit of time.
+    max_step: f64;
+    /// True if a control step that the method fails in is repeated with the other implicit method.
+    retry: bool;
+    /// True if algebraic variables enter the error test.
+    algebraic_error_control: bool;
+    /// True if the integrals of rewards enter the error test.
+    quadrature_error_control: bool;
+    /// Linear solver of Newton's method.
+    linear_solver: LinearSolver;
+    /// Integration method.
+    method: Method;
 }

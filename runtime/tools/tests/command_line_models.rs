@@ -250,6 +250,33 @@ fn what_a_setting_cannot_be_is_said_with_what_can_be() {
     }
 }
 
+/// Values beyond the range that `docs/solver.md` gives for each setting.
+#[test]
+fn solver_settings_have_one_range_in_scenarios_and_settings() {
+    let model = file("ranges", "m.eq", COOLER);
+    for (entry, setting, value, expected) in [
+        ("rtol", "rtol", "2", "between 1e-15 and 1, not 2"),
+        ("one_step_rtol", "one_step_rtol", "0", "between 1e-15 and 1, not 0"),
+        ("atol_factor", "atol_factor", "0", "a positive number, not 0"),
+        ("max_order", "max_order", "6", "a whole number from 1 to 5, not 6"),
+        ("max_steps", "max_internal_steps", "0", "a whole number from 1 to 4000000000, not 0"),
+        ("max_step", "max_step", "-1", "a positive number, not -1"),
+    ] {
+        let scenario = file("ranges", "s.yaml", format!("solver: {{{entry}: {value}}}\n"));
+        let unwrapped = |arguments: &[&str]| {
+            let output = smpl(arguments);
+            assert_eq!(status(&output), 1, "{entry}");
+            text(&output.stderr).lines().map(|l| l.trim_start_matches([' ', '│', '×', '✖'])).collect::<Vec<_>>().join(" ")
+        };
+        let shown = unwrapped(&["check", name(&model), "--scenario", name(&scenario)]);
+        assert!(shown.contains(&format!("`{entry}` must be {expected}")), "{shown}");
+        let shown = unwrapped(&["check", name(&model), "--set", &format!("{setting}={value}")]);
+        assert!(shown.contains(&format!("`{setting}` must be {expected}")), "{shown}");
+    }
+    let scenario = file("ranges", "s.yaml", "solver: {max_step: .inf, max_order: 5, max_steps: 1}\n");
+    assert_eq!(status(&smpl(&["check", name(&model), "--scenario", name(&scenario)])), 0);
+}
+
 #[test]
 fn faults_of_a_scenario_stand_where_they_are() {
     let model = file("places", "m.eq", COOLER);

@@ -54,6 +54,22 @@ pub(in crate::elaborate) enum Takes {
     Name(&'static Names),
 }
 
+impl Takes {
+    /// Returns the expected values in words if a number is not one of them.
+    pub(in crate::elaborate) fn refuses(&self, x: f64) -> Option<&'static str> {
+        let (holds, expected) = match self {
+            Takes::Duration(_) | Takes::Interval(_) | Takes::Positive(_) => (x.is_finite() && x > 0.0, "a positive number"),
+            Takes::Number(_) => (x.is_finite(), "a number"),
+            Takes::Tolerance(_) => (Solver::RTOL.contains(&x), Solver::RTOL_TEXT),
+            Takes::Order(_) => (is_order(x), ORDER_TEXT),
+            Takes::Count(_) => (is_count(x), COUNT_TEXT),
+            Takes::Truth(_) => (false, "a condition"),
+            Takes::Name(names) => (false, names.text),
+        };
+        (!holds).then_some(expected)
+    }
+}
+
 /// Names that an entry takes.
 pub(in crate::elaborate) struct Names {
     pub what: &'static str,
@@ -142,6 +158,22 @@ pub(in crate::elaborate) fn is_order(x: f64) -> bool {
 /// The entry that a setting means.
 pub(in crate::elaborate) fn setting_entry(name: &str) -> Option<&'static Entry> {
     ENTRIES.iter().find(|entry| entry.setting == Some(name))
+}
+
+/// Name of an entry of `solver` as a setting, or in the block if it is not a setting.
+#[must_use]
+pub fn solver_setting(name: &'static str) -> &'static str {
+    solver_entry(name).and_then(|entry| entry.setting).unwrap_or(name)
+}
+
+/// Returns the expected values in words if a number is not one that an entry of `solver` accepts.
+#[must_use]
+pub fn refused_by_solver(name: &str, x: f64) -> Option<&'static str> {
+    solver_entry(name)?.takes.refuses(x)
+}
+
+fn solver_entry(name: &str) -> Option<&'static Entry> {
+    ENTRIES.iter().find(|entry| entry.block == Block::Solver && entry.name == name)
 }
 
 /// Returns `true` if a setting is an entry of `episode` or `solver`.

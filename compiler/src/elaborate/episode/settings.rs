@@ -123,17 +123,11 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         Setting::Number(x) => *x,
         _ => f64::NAN,
     };
-    let positive = number.is_finite() && number > 0.0;
-    let (holds, expected) = match &entry.takes {
-        Takes::Duration(_) | Takes::Interval(_) | Takes::Positive(_) => (positive, "a positive number"),
-        Takes::Number(_) => (number.is_finite(), "a number"),
-        Takes::Tolerance(_) => (Solver::RTOL.contains(&number), Solver::RTOL_TEXT),
-        Takes::Order(_) => (is_order(number), ORDER_TEXT),
-        Takes::Count(_) => (is_count(number), COUNT_TEXT),
-        Takes::Name(names) => (matches!(value, Setting::Text(text) if (names.put)(said, text)), names.text),
-        Takes::Truth(_) => (false, "a condition"),
+    let refused = match &entry.takes {
+        Takes::Name(names) => (!matches!(value, Setting::Text(text) if (names.put)(said, text))).then_some(names.text),
+        takes => takes.refuses(number),
     };
-    if !holds {
+    if let Some(expected) = refused {
         let given = match value {
             Setting::Number(x) => x.to_string(),
             Setting::Text(text) => text.clone(),
