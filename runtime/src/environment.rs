@@ -28,7 +28,7 @@ use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::Interface;
 
-pub use history::History;
+pub use crate::past::History;
 pub use invariants::Drift;
 pub use reset::{ResetError, ResetOptions, Start, StateInput};
 pub use snapshot::{Snapshot, SnapshotError};

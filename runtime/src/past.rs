@@ -16,6 +16,7 @@ use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot, Expr, Flavour, Program, Role};
 use smpl_compiler::layout::{Memory, Region};
 use smpl_compiler::model::Lag;
 
+pub use self::given::History;
 pub(crate) use self::given::Samples;
 use self::marks::{Marks, are_near};
 use self::record::{ROUNDINGS, Record, TERMS, nodes};

@@ -1,8 +1,8 @@
 //! Common functions of several passes.
 
 use crate::elaborate::{Equation, EquationForm};
-use crate::ir::{Expr, ExprId, Exprs, Program, Rewritten, VarId};
-use crate::model::{Model, Programs};
+use crate::ir::{Affine, Expr, ExprId, Exprs, Nest, Place, Program, Rewritten, Store, Target, VarId};
+use crate::model::{Failure, Model, Programs};
 
 /// All programs of a model.
 pub(super) fn programs(programs: &Programs) -> impl Iterator<Item = &Program> {
@@ -58,4 +58,22 @@ pub(super) fn replace_everywhere(
             store.value = rewritten(store.value);
         }
     }
+}
+
+/// Adds a failure that only its event finds, after those that the model declares.
+pub(super) fn add_failure(model: &mut Model, name: String) -> u32 {
+    let count = model.interface.finish.failures.len();
+    let end = 2 * count as i64;
+    for store in model.programs.finish.nests.iter_mut().flat_map(|nest| &mut nest.stores) {
+        if store.target.place == Place::Out && store.target.at.offset >= end {
+            store.target.at.offset += 2;
+        }
+    }
+    let zero = model.exprs.constant(0.0);
+    let store = |k: i64| Store { target: Target::out(Affine::constant(end + k)), value: zero };
+    model.programs.finish.nests.push(Nest { loops: Vec::new(), stores: vec![store(0), store(1)] });
+    let is_taken = |name: &str| model.interface.finish.failures.iter().any(|failure| failure.name == name);
+    let name = (1..).map(|k| if k == 1 { name.clone() } else { format!("{name}_{k}") }).find(|name| !is_taken(name)).unwrap_or(name);
+    model.interface.finish.failures.push(Failure { name, text: String::new(), event: true, items: Vec::new(), on_reward: false });
+    count as u32
 }

@@ -19,22 +19,24 @@ mod guard;
 mod jumps;
 mod pantelides;
 mod project;
+mod rated;
 mod slopes;
 mod start;
 mod system;
 
-use smpl_dsl::diagnostic::{Diagnostic, Faults, codes};
-use smpl_dsl::span::Span;
+use smpl_dsl::diagnostic::{Diagnostic, codes};
 
 use super::algebraic::Plan;
-use super::common::{element_name, programs};
+use super::common::programs;
 use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
-use crate::ir::{ExprId, FastMap, FastSet, Flavour, Role, VarId};
+use crate::ir::{FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
 use demote::{Settled, SettledConstraints, settle};
 use jumps::Jump;
 use pantelides::{Refused, System};
+pub(crate) use rated::watch_rates;
+use rated::{jump_fault, variable_fault};
 use slopes::{NoSlope, Slopes, replace_rates};
 use system::{Matching, Node, Pool, Wishes};
 
@@ -243,59 +245,10 @@ fn variable_jumps(model: &Model, node: &Node, often: &str, var: VarId) -> Diagno
     variable_fault(model, often, var, node.span).label(BINDS).help(help)
 }
 
-fn variable_fault(model: &Model, often: &str, var: VarId, span: Span) -> Diagnostic {
-    let name = &model.vars[var].name;
-    let what = match model.vars[var].role {
-        Role::Action => "an action",
-        Role::Disturbance => "a disturbance",
-        Role::Delayed => "a delayed value",
-        Role::State | Role::Algebraic => "a value of the step before",
-        _ => "a discrete variable",
-    };
-    let message = format!("{often} has to be differentiated, but `{name}` in it is {what}, which jumps");
-    Diagnostic::error(codes::HIGH_INDEX, message, span).secondary(model.vars[var].span, "declared here")
-}
-
 /// The fault of an equation whose value jumps at a time, or where an unknown passes a threshold.
 fn value_jumps(model: &Model, node: &Node, often: &str, jump: Jump) -> Diagnostic {
     let fault = jump_fault(model, often, jump, node.span).label(BINDS);
     fault.help("make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`, use a `linear` table, or free a state of the equation")
-}
-
-fn jump_fault(model: &Model, what: &str, jump: Jump, span: Span) -> Diagnostic {
-    let time = &model.interface.time;
-    let name = jump.of.map_or_else(|| time.name.clone(), |(var, element)| element_name(model, var, element));
-    let at: f64 = format!("{:.6e}", jump.at).parse().unwrap_or(jump.at);
-    let unit = if jump.of.is_none() && time.unit != "1" { format!(" {}", time.unit) } else { String::new() };
-    let place = if jump.depends {
-        format!("it jumps for some values of parameters and unknowns, where `{name}` passes a threshold")
-    } else {
-        format!("it jumps, for example where `{name}` is {at}{unit}")
-    };
-    Diagnostic::error(codes::HIGH_INDEX, format!("{what} has to be differentiated, but {place}"), span)
-}
-
-/// Watches expressions whose rates equations read.
-///
-/// # Errors
-/// Expressions that jump: an impulse belongs to their rates.
-pub(crate) fn watch_rates(model: &mut Model, rated: &[(ExprId, Span)]) -> Result<(), Faults> {
-    let mut faults = Faults::default();
-    for &(value, span) in rated {
-        let loops = slopes::all_loops(&model.exprs, value, &[]);
-        let watched = jumps::examine(model, value)
-            .and_then(|doubts| jumps::watch::watch(model, &doubts, &loops, span).map_err(jumps::Doubt::refused));
-        if let Err(jump) = watched {
-            faults.push(jump_fault(model, "this expression", jump, span).help(
-                "write the rates of the other factors out, use a `linear` table, or make a state that follows what jumps, as in `eq d/dt h_s = (h(t) - h_s)/tau`",
-            ));
-        } else if let Some(var) = jumps::jumping(model, value) {
-            let name = &model.vars[var].name;
-            let help = format!("write the rates of the other factors out, or make a state that follows `{name}`");
-            faults.push(variable_fault(model, "this expression", var, span).help(help));
-        }
-    }
-    if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
 /// The fault of a state that is set at an instant although it follows from a constraint.

@@ -3,18 +3,7 @@
 use super::Environment;
 use super::reset::{ResetError, ResetOptions};
 use crate::catalogue::Family;
-use crate::past::Samples;
-
-/// States and actions before a start, in physical units and declaration order: a row for each time.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct History {
-    /// Times from the start, which increase and are below zero.
-    pub times: Vec<f64>,
-    /// States at these times; empty if they are those at the start.
-    pub states: Vec<f64>,
-    /// Actions from each time to the next one; empty if they are the nominal ones.
-    pub actions: Vec<f64>,
-}
+use crate::past::{History, Samples};
 
 impl Environment {
     /// Replaces the past that follows from the start by the given one, which the start may read.

@@ -5,6 +5,17 @@ use smpl_compiler::layout::{Memory, Region};
 
 use super::{Past, PastError, Point, name_of};
 
+/// States and actions before a start, in physical units and declaration order: a row for each time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Times from the start, which increase and are below zero.
+    pub times: Vec<f64>,
+    /// States at these times; empty if they are those at the start.
+    pub states: Vec<f64>,
+    /// Actions from each time to the next one; empty if they are the nominal ones.
+    pub actions: Vec<f64>,
+}
+
 /// Samples before the start, in internal order: a row for each time.
 pub(crate) struct Samples {
     /// Times, which increase and are before the start.

@@ -2,11 +2,11 @@
 //! that variable is not zero. Where it could become zero, the episode ends with a failure that
 //! names the constraint; otherwise the integration would take a wrong branch, or fail.
 
-use super::super::common::element_name;
+use super::super::common::{add_failure, element_name};
 use super::demote::Settled;
 use super::system::{Node, by_element, scale};
-use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, LoopVar, Nest, Place, ReduceFn, Role, Store, Target, UnaryFn, VarId};
-use crate::model::{Failure, Guard, Model, Root, RootAction};
+use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, LoopVar, ReduceFn, Role, UnaryFn, VarId};
+use crate::model::{Guard, Model, Root, RootAction};
 
 /// Size of a derivative, relative to those by all states of its constraint, that counts as zero.
 pub(crate) const LEAST: f64 = 1e-6;
@@ -122,22 +122,4 @@ fn determinant(exprs: &mut Exprs, matrix: &[Vec<ExprId>]) -> ExprId {
         sum = if k % 2 == 0 { exprs.add(sum, part) } else { exprs.sub(sum, part) };
     }
     sum
-}
-
-/// Adds a failure that only its event finds, after those that the model declares.
-pub(super) fn add_failure(model: &mut Model, name: String) -> u32 {
-    let count = model.interface.finish.failures.len();
-    let end = 2 * count as i64;
-    for store in model.programs.finish.nests.iter_mut().flat_map(|nest| &mut nest.stores) {
-        if store.target.place == Place::Out && store.target.at.offset >= end {
-            store.target.at.offset += 2;
-        }
-    }
-    let zero = model.exprs.constant(0.0);
-    let store = |k: i64| Store { target: Target::out(Affine::constant(end + k)), value: zero };
-    model.programs.finish.nests.push(Nest { loops: Vec::new(), stores: vec![store(0), store(1)] });
-    let is_taken = |name: &str| model.interface.finish.failures.iter().any(|failure| failure.name == name);
-    let name = (1..).map(|k| if k == 1 { name.clone() } else { format!("{name}_{k}") }).find(|name| !is_taken(name)).unwrap_or(name);
-    model.interface.finish.failures.push(Failure { name, text: String::new(), event: true, items: Vec::new(), on_reward: false });
-    count as u32
 }

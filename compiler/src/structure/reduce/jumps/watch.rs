@@ -2,8 +2,7 @@
 
 use smpl_dsl::span::Span;
 
-use super::super::super::common::element_name;
-use super::super::guard::add_failure;
+use super::super::super::common::{add_failure, element_name};
 use super::Doubt;
 use crate::ir::{BinaryFn, Compare, Expr, ExprId, Exprs, FastSet, Flavour, LoopVar, Loops, ReduceFn, Rewritten, Role, UnaryFn};
 use crate::model::{Model, Root, RootAction, Unsteady};
