@@ -261,6 +261,11 @@ impl Setup {
             system,
         };
         setup.prepare_nominal(needs_steady)?;
+        if !setup.freed.pairs.is_empty() {
+            let guess = steady::guess(&setup.system, &setup.catalogue);
+            let mut system = setup.system.clone();
+            setup.freed = std::mem::take(&mut setup.freed).by_numbers(&mut system, &setup.catalogue, guess);
+        }
         Ok(Arc::new(setup))
     }
 

@@ -8,6 +8,7 @@
 
 mod blocks;
 mod choice;
+mod pivots;
 mod problem;
 mod report;
 mod search;

@@ -178,3 +178,34 @@ fn a_root_that_leaves_its_bounds_in_small_steps_is_followed() {
         }
     }
 }
+
+fn values_at_the_start<const N: usize>(text: &str, names: [&str; N]) -> [f64; N] {
+    let mut environment = environment(text, Method::Auto);
+    environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+    names.map(|name| value(&environment, name))
+}
+
+/// p = 2 T + 1e-6 a with a = 1 is 700 at T = 350 - 5e-7.
+#[test]
+fn a_condition_determines_the_state_that_moves_it_most() {
+    let text = "state a = 1\nstate T = 300\nvar p = 1\neq d/dt a = 0\neq d/dt T = 0\neq p = 2*T + 1e-6*a\ninitial eq p = 700";
+    let [a, temperature] = values_at_the_start(text, ["a", "T"]);
+    assert!(a == 1.0 && (temperature - 350.0 + 5e-7).abs() < 1e-9, "{a}, {temperature}");
+}
+
+/// p^3 + p = 2 a + c/1000 = 10 and q = 2 b - c/1000 = 6 with c = 1: p = 2, a = 4.9995, b = 3.0005.
+#[test]
+fn two_conditions_leave_a_state_that_hardly_matters() {
+    let text = "state c = 1\nstate b = 1\nstate a = 1\nvar p = 1\nvar q = 1\neq d/dt a = 0\neq d/dt b = 0\neq d/dt c = 0\n\
+                eq p^3 + p = 2*a + 1e-3*c\neq q = 2*b - 1e-3*c\ninitial eq p = 2\ninitial eq q = 6";
+    let [a, b, c] = values_at_the_start(text, ["a", "b", "c"]);
+    assert!(c == 1.0 && (a - 4.9995).abs() < 1e-9 && (b - 3.0005).abs() < 1e-9, "{a}, {b}, {c}");
+}
+
+/// p = a + b: both move it alike, so that the first one or the one after `free` follows.
+#[test]
+fn states_that_move_a_condition_alike_are_taken_in_their_order() {
+    let text = "state a = 1\nstate b = 2\nvar p = 1\neq d/dt a = 0\neq d/dt b = 0\neq p = a + b\ninitial eq p = 10";
+    assert_eq!(values_at_the_start(text, ["a", "b"]), [8.0, 2.0]);
+    assert_eq!(values_at_the_start(&format!("{text} free b"), ["a", "b"]), [1.0, 9.0]);
+}

@@ -8,6 +8,7 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use smpl_dsl::span::Span;
 
 use super::blocks::{Matching, Unmatched};
+use super::pivots::{self, Wish};
 use super::problem::{Problem, Row};
 use super::{Context, Sought};
 use crate::catalogue::Catalogue;
@@ -60,7 +61,7 @@ impl fmt::Display for Conflict {
 impl Freed {
     /// Chooses a state for each condition: first those that it names, then those without a declared
     /// value, then others, in the order of their declaration. The choice is structural and does not
-    /// depend on numbers.
+    /// depend on numbers, which [`by_numbers`](Self::by_numbers) reads.
     ///
     /// # Errors
     /// Conditions in which fewer states occur than there are conditions.
@@ -104,6 +105,30 @@ impl Freed {
             }
         }
         Ok(Self { pairs })
+    }
+
+    /// Chooses among all states again, by their effect on each condition near the guess `y`: first
+    /// those that a condition names, then those that move it most. States that move it alike are
+    /// taken in the order of [`choose`](Self::choose). Where the numbers determine nothing, the
+    /// choice stays.
+    #[must_use]
+    pub(crate) fn by_numbers(self, system: &mut CompiledSystem, catalogue: &Catalogue, mut y: Vec<f64>) -> Self {
+        let declared = system.model().interface().start_conditions.clone();
+        if declared.is_empty() || y.len() > pivots::MOST {
+            return self;
+        }
+        let wishes: Vec<Wish<'_>> = declared.iter().flat_map(|c| (0..c.count).map(|_| Wish { free: &c.free, only: c.only })).collect();
+        let mut states: Vec<_> = catalogue.states.elements().iter().collect();
+        states.sort_by_key(|state| state.default.is_finite());
+        let (places, conditions): (Vec<usize>, Vec<usize>) = (states.iter().map(|s| s.at).collect(), (0..wishes.len()).collect());
+        let context = Context { catalogue, sources: None, time: 0.0 };
+        let mut problem = Problem::new(system, context, Sought { states: &places, conditions: &conditions }, &y);
+        let algebraic = problem.len() - places.len();
+        let found = pivots::slopes(&mut problem, algebraic, &mut y).and_then(|slopes| pivots::choose(slopes, &wishes, &states));
+        match found {
+            Some(columns) => Self { pairs: columns.into_iter().map(|column| states[column].at).enumerate().collect() },
+            None => self,
+        }
     }
 
     /// The states that are unknowns and the conditions that hold where some states are `given`.

@@ -10,8 +10,9 @@ use smpl_dsl::diagnostic::{Diagnostic, JsonDiagnostic, SHOWN, SourceMap, printab
 use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
 use crate::policy::Policy;
-use crate::reduction::Summary;
+use crate::reduction::{Summary, shown};
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
+use smpl_runtime::failure::{Short, unit_suffix};
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded};
 use smpl_runtime::setup::Setup;
 
@@ -46,6 +47,11 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<(), Failed> {
                         && let Some(summary) = Summary::of(loaded.model.interface())
                     {
                         say(printable(&summary.text()))?;
+                    }
+                    if arguments.verbose
+                        && let Some(text) = determined(&loaded)
+                    {
+                        say(printable(&text))?;
                     }
                 }
                 if arguments.invariants {
@@ -113,6 +119,24 @@ fn without_place(file: &PathBuf, error: &LoadError) -> Json {
         "code": smpl_runtime::load::UNREADABLE, "severity": "error", "message": error.to_string(), "file": file,
         "line": 1, "column": 1, "end_line": 1, "end_column": 1, "help": null, "notes": [], "related": [],
     })
+}
+
+/// The states that conditions at the start determine, with the declared values that are guesses.
+fn determined(loaded: &Loaded) -> Option<String> {
+    if loaded.model.interface().start_conditions.is_empty() {
+        return None;
+    }
+    let setup = Setup::new(Arc::clone(&loaded.model), loaded.options.clone(), Some(Arc::clone(&loaded.sources))).ok()?;
+    let states = setup.catalogue.states.elements();
+    let name = |&(_, at): &(usize, usize)| {
+        let state = states.iter().find(|state| state.at == at)?;
+        let unit = unit_suffix(&state.unit);
+        let guess = if state.default.is_finite() { format!(" (guess {}{unit})", Short(state.default)) } else { String::new() };
+        Some(format!("{}{guess}", state.name))
+    };
+    let names: Vec<String> = setup.freed.pairs.iter().filter_map(name).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    Some(format!("  set by conditions     {}\n", shown(&names)))
 }
 
 /// Largest drift of each invariant over a nominal episode: the change of its value less the
