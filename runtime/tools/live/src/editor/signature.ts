@@ -1,6 +1,7 @@
 // Signature help: the arguments of the function or component around the cursor.
 
-import { type Extension, StateEffect, StateField } from "@codemirror/state";
+import { completionStatus } from "@codemirror/autocomplete";
+import { type Extension, Prec, StateEffect, StateField } from "@codemirror/state";
 import { EditorView, keymap, showTooltip, type Tooltip, ViewPlugin, type ViewUpdate } from "@codemirror/view";
 import type { Client } from "../client.ts";
 import { h } from "../dom.ts";
@@ -59,6 +60,8 @@ export function signatureHelp(client: Client): Extension {
   const plugin = ViewPlugin.fromClass(
     class {
       private timer: ReturnType<typeof setTimeout> | undefined;
+      /** Number of the last question: earlier ones are not answered any more. */
+      private asked = 0;
       private readonly view: EditorView;
       constructor(view: EditorView) {
         this.view = view;
@@ -70,13 +73,19 @@ export function signatureHelp(client: Client): Extension {
         if (opened || (update.state.field(shown) !== null && (update.docChanged || update.selectionSet))) this.ask();
       }
       destroy(): void {
-        clearTimeout(this.timer);
+        this.forget();
       }
       ask(): void {
-        clearTimeout(this.timer);
-        this.timer = setTimeout(() => void this.answer(), PAUSE);
+        this.forget();
+        const asked = this.asked;
+        this.timer = setTimeout(() => void this.answer(asked), PAUSE);
       }
-      private async answer(): Promise<void> {
+      /** Drops a question without an answer. */
+      forget(): void {
+        clearTimeout(this.timer);
+        this.asked += 1;
+      }
+      private async answer(asked: number): Promise<void> {
         const { state } = this.view;
         const help = await client
           .request<SignatureHelp | null>("textDocument/signatureHelp", {
@@ -84,19 +93,21 @@ export function signatureHelp(client: Client): Extension {
             position: positionOf(state.doc, state.selection.main.head),
           })
           .catch(() => null);
-        if (this.view.state.doc !== state.doc) return;
+        if (asked !== this.asked || this.view.state.doc !== state.doc) return;
         this.view.dispatch({ effects: show.of(help ? tooltip(help, state.selection.main.head) : null) });
       }
     },
   );
   const close = (view: EditorView): boolean => {
+    view.plugin(plugin)?.forget();
     if (view.state.field(shown) === null) return false;
     view.dispatch({ effects: show.of(null) });
-    return true;
+    // A list of completions, also one that is on its way, is closed by the same key.
+    return completionStatus(view.state) === null;
   };
   const ask = (view: EditorView): boolean => {
     view.plugin(plugin)?.ask();
     return true;
   };
-  return [shown, plugin, keymap.of([{ key: "Escape", run: close }, { key: "Ctrl-Shift-Space", run: ask }])];
+  return [shown, plugin, Prec.highest(keymap.of([{ key: "Escape", run: close }])), keymap.of([{ key: "Ctrl-Shift-Space", run: ask }])];
 }
