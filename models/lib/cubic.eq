@@ -1,26 +1,13 @@
 # Cubic equations of state for one substance: Soave-Redlich-Kwong (SRK) and Peng-Robinson (PR).
 #
 # Source: G. Soave, Chem. Eng. Sci. 27 (1972) 1197; D.-Y. Peng and D. B. Robinson, Ind. Eng. Chem. Fundam. 15 (1976) 59. Critical
-# constants: B. E. Poling, J. M. Prausnitz and J. P. O'Connell, The Properties of Gases and Liquids, 5th edition (2001).
+# constants are those of substances.eq.
 # Range: nonpolar and weakly polar substances; densities of liquids deviate by some 5 % (PR) to 15 % (SRK), vapour pressures by
 # some 1 % for a reduced temperature above 0.6.
 
-param R_cubic : J/(mol K) = 8.31446261815324    "gas constant"
+use "lib/substances.eq"
 
-table over cubic_substances {
-  columns: critical_T [K], critical_p [bar], acentric [1]
-  hydrogen:        32.98,  12.93, -0.217
-  nitrogen:        126.2,  33.98, 0.037
-  carbon_monoxide: 132.85, 34.94, 0.045
-  oxygen:          154.58, 50.43, 0.021
-  methane:         190.56, 45.99, 0.011
-  carbon_dioxide:  304.12, 73.74, 0.225
-  ethane:          305.32, 48.72, 0.099
-  propane:         369.83, 42.48, 0.152
-  butane:          425.12, 37.96, 0.2
-  benzene:         562.05, 48.95, 0.21
-  toluene:         591.75, 41.08, 0.264
-}
+param R_cubic : J/(mol K) = 8.31446261815324    "gas constant"
 
 # Attraction `a` and covolume `b` from critical temperature, critical pressure and acentric factor.
 def cubic_alpha(T, T_c, m) = sq(1 + m*(1 - sqrt(T/T_c)))

@@ -12,6 +12,15 @@ Array = npt.NDArray[np.float64]
 RightSide = Callable[[Array, Array], Array]
 
 
+def values(text: str, **parameters: float) -> dict[str, float]:
+    """Outputs of a model without dynamics, by name."""
+    head = "model Point\ntime t : s\nstate rest = 0\neq d/dt rest = 0\nepisode { step = 1 [s], max_steps = 1 }\n"
+    model = smpl.compile(source=head + text)
+    run = model.rollout([0.0], np.zeros((1, 0)), parameters=parameters, outputs=True)
+    assert not run.failure[0], run.failure[0]
+    return dict(zip(model.algebraic_names, run.outputs[0, 0], strict=True))
+
+
 def rest(model: smpl.Model) -> Array:
     """States at the start of an episode with all random numbers at their means."""
     env = smpl.Env(model, normalize=False)

@@ -5,21 +5,10 @@ import pytest
 from numpy.polynomial import polynomial
 from scipy.integrate import quad
 
-import smpl
+from plants import values
 
 # The library compiles without warnings.
 pytestmark = pytest.mark.filterwarnings("error::smpl.CompileWarning")
-
-HEAD = "model Point\ntime t : s\nstate rest = 0\neq d/dt rest = 0\nepisode { step = 1 [s], max_steps = 1 }\n"
-
-
-def values(text, **parameters):
-    """Outputs of a model without dynamics, by name."""
-    model = smpl.compile(source=HEAD + text)
-    run = model.rollout([0.0], np.zeros((1, 0)), parameters=parameters, outputs=True)
-    assert not run.failure[0], run.failure[0]
-    return dict(zip(model.algebraic_names, run.outputs[0, 0], strict=True))
-
 
 STEAM = """
 use "lib/steam.eq"
@@ -132,19 +121,19 @@ PROPANE = """
 use "lib/cubic.eq"
 param T : K   = 300
 param p : bar = 5
-use PengRobinsonVapour as gas(T_c = critical_T[propane], p_c = critical_p[propane], omega = acentric[propane])
-use PengRobinsonLiquid as liquid(T_c = critical_T[propane], p_c = critical_p[propane], omega = acentric[propane])
+use PengRobinsonVapour as gas(T_c = 369.83 [K], p_c = 42.48 [bar], omega = 0.152)
+use PengRobinsonLiquid as liquid(T_c = 369.83 [K], p_c = 42.48 [bar], omega = 0.152)
 eq gas.T = T
 eq gas.p = p
 eq liquid.T = T
 eq liquid.p = p
 let phi_gas : 1    = gas.ln_phi
 let phi_liquid : 1 = liquid.ln_phi
-let a_srk : J m^3/mol^2 = srk_a(T, critical_T[propane], critical_p[propane], acentric[propane])
-let b_srk : m^3/mol     = srk_b(critical_T[propane], critical_p[propane])
+let a_srk : J m^3/mol^2 = srk_a(T, 369.83 [K], 42.48 [bar], 0.152)
+let b_srk : m^3/mol     = srk_b(369.83 [K], 42.48 [bar])
 let p_srk : bar         = srk_pressure(T, 2e-3 [m^3/mol], a_srk, b_srk)
-let a_pr : J m^3/mol^2  = pr_a(T, critical_T[propane], critical_p[propane], acentric[propane])
-let p_pr  : bar         = pr_pressure(T, gas.v, a_pr, pr_b(critical_T[propane], critical_p[propane]))
+let a_pr : J m^3/mol^2  = pr_a(T, 369.83 [K], 42.48 [bar], 0.152)
+let p_pr  : bar         = pr_pressure(T, gas.v, a_pr, pr_b(369.83 [K], 42.48 [bar]))
 let z_srk : 1               = p_srk*2e-3 [m^3/mol]/(R_cubic*T)
 let A_srk : 1               = a_srk*p_srk/sq(R_cubic*T)
 let B_srk : 1               = b_srk*p_srk/(R_cubic*T)
