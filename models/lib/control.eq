@@ -1,7 +1,7 @@
 # Instruments and continuous controllers. A signal is a fraction of a range, 0 to 1, as instruments send it.
 #
 # Source: K. J. Astrom and T. Hagglund, Advanced PID Control (2006): back-calculation with a tracking time, derivative of the filtered
-# measurement.
+# measurement; Q. P. He et al., Ind. Eng. Chem. Res. 46 (2007) 2010: stiction of valves.
 # Range: gains in fractions of the ranges; a negative gain makes a controller direct-acting.
 
 connector Signal { y : 1 }
@@ -41,4 +41,15 @@ component PID extends PI {
   let slope     : 1/s = (measured.y - f)*N/T_d
   let unlimited : 1   = K*(setpoint - measured.y - T_d*slope) + I    "output without limits"
   eq d/dt f = slope
+}
+
+# Between a controller and a valve: `connect TC.output -> S.input`, `connect S.output -> V.opening`.
+component Stiction "stem that sticks until the signal has moved by the static friction, and then slips" {
+  param static  : 1 = 0.05  in 0..inf    "static friction, in the unit of the signal"
+  param kinetic : 1 = 0.02  in 0..inf    "kinetic friction, less than the static one"
+  port input, output : Signal
+  discrete stem : 1 = input.y in -1..2    "position of the stem"
+  event slips when abs(input.y - stem) > static
+  at slips { next stem = input.y - sign(input.y - stem)*kinetic }
+  eq output.y = stem
 }

@@ -21,6 +21,13 @@ component Tank "level, concentrations and temperature of a mixed tank; the model
   eq outlet.T    = T
 }
 
+component BufferTank extends Tank {
+  param h_0  : m     = 1  in 0..inf    "level at the flow Q_0"
+  param Q_0  : m^3/h = 1  in 0..inf    "outflow at the level h_0"
+  param gain : m^2/h = 1  in 0..inf    "change of the outflow with the level; low gains average the flow"
+  eq outlet.Q = max(0 [m^3/h], Q_0 + gain*(h - h_0))
+}
+
 component Mixer "two streams become one, without holdup" {
   port inlet_1, inlet_2, outlet : Stream
   eq outlet.Q             = inlet_1.Q + inlet_2.Q
