@@ -1,6 +1,7 @@
 # Evaporator effects and a condenser, which compose to trains with several effects. Streams are those of streams.eq.
 #
-# The vapour of an effect heats the next one: `connect E[1].vapour -> E[2].chest`. Liquid may flow in the same or the other direction.
+# The vapour of an effect heats the next one: `connect E[1].vapour -> E[2].chest`; several ports may share a header of steam, in which
+# flows are positive into the components. Liquid may flow in the same or the other direction.
 # The model sets the temperature of fresh steam, `eq E.chest.T`, the boiling-point rise `rise`, and outlet.Q (or the next unit does).
 # Source: balances of volume, species and energy; W. L. McCabe, J. C. Smith and P. Harriott, Unit Operations of Chemical
 # Engineering, evaporation.
@@ -9,7 +10,7 @@
 
 use "lib/streams.eq"
 
-connector Vapour { m : kg/h, T : degC }    # flow of steam, temperature of saturation
+connector Vapour { T : degC, flow m : kg/h }    # temperature of saturation, flow of steam into the component
 
 component Effect "boiling liquid and its chest; the model sets `rise`" {
   param UA     : kW/K       = 10    in 0..inf    "heat transfer coefficient times area"
@@ -22,9 +23,9 @@ component Effect "boiling liquid and its chest; the model sets `rise`" {
   state V : m^3 = 1 in 0..inf    "volume of the liquid"
   state c[i in species] : amount/m^3 = 0 in 0..inf scale 1    "concentrations"
   state T : degC = 80 in -50..500 scale 100    "temperature of the liquid"
-  eq d/dt V      = inlet.Q - outlet.Q - vapour.m/rho
-  eq d/dt c[i]   = (inlet.Q*(inlet.c[i] - c[i]) + vapour.m/rho*c[i])/V    for i in species
-  eq d/dt T      = inlet.Q*(inlet.T - T)/V + (chest.m - vapour.m)*latent/(rho_cp*V)
+  eq d/dt V      = inlet.Q - outlet.Q + vapour.m/rho
+  eq d/dt c[i]   = (inlet.Q*(inlet.c[i] - c[i]) - vapour.m/rho*c[i])/V    for i in species
+  eq d/dt T      = inlet.Q*(inlet.T - T)/V + (chest.m + vapour.m)*latent/(rho_cp*V)
   eq chest.m     = UA*(chest.T - T)/latent
   eq vapour.T    = T - rise
   eq outlet.c[i] = c[i]                                                   for i in species

@@ -8,6 +8,18 @@
 connector Stream { Q : m^3/h in 0..inf, c[species] : amount/m^3, T : degC }    # volume flow, concentrations, temperature
 connector Heat { T : degC, Q : kW }    # temperature of the wall, heat along the arrow
 
+component Feed(driven = false) "stream of constant composition; with `driven = true` the model or the next unit sets outlet.Q" {
+  param T          : degC       = 25  in -50..500    "temperature"
+  param c[species] : amount/m^3 = 0   in 0..inf      "concentrations"
+  port outlet : Stream
+  when driven = false {
+    param Q : m^3/h = 1 in 0..inf    "flow"
+    eq outlet.Q = Q
+  }
+  eq outlet.c[i] = c[i]    for i in species
+  eq outlet.T    = T
+}
+
 component Tank "level, concentrations and temperature of a mixed tank; the model or the next unit sets outlet.Q" {
   param A : m^2 = 1 in 0..inf    "cross-section"
   port inlet, outlet : Stream

@@ -1,9 +1,9 @@
 model FlashDrum "benzene and toluene: feed tank and flash drum"
 time t : h
 table over species {
-  columns: a [1], b [K], c_K [K]
-  benzene: 4.01814, 1203.835, -53.226
-  toluene: 4.07827, 1343.943, -53.773
+  columns: T_c [K], p_c [bar], a [1], b [1], c_3 [1], c_6 [1]
+  benzene: 562.1,  48.956,  -6.94739, 1.25253, -2.53686, -3.49284
+  toluene: 591.72, 41.0645, -7.28607, 1.38091, -2.83433, -2.79168
 }
 action F_out  : m^3/h = 10  in 5..20      "flow from the tank to the drum"
 action T_drum : degC  = 97  in 96..101    "temperature of the drum"
@@ -21,8 +21,9 @@ eq d/dt c[i] = F_in*(c_in[i] - c[i])/(A*h)    for i in species
 eq d/dt T    = F_in*(T_in - T)/(A*h)
 let total : kmol/m^3 = sum(c[i] for i in species)
 let F     : kmol/h   = F_out*total    "flow to the drum"
-let z[i in species] = c[i]/total
-let K[i in species] = 10^(a[i] - b[i]/(kelvin(T_drum) + c_K[i]))*1 [bar]/p
+let z[i in species]   = c[i]/total
+let tau[i in species] = 1 - kelvin(T_drum)/T_c[i]
+let K[i in species]   = p_c[i]/p*exp((a[i]*tau[i] + b[i]*tau[i]^1.5 + c_3[i]*tau[i]^3 + c_6[i]*tau[i]^6)/(1 - tau[i]))
 eq share = clip(share + sum(z[i]*(K[i] - 1)/(1 + share*(K[i] - 1)) for i in species), 0, 1)
 let x[i in species] = z[i]/(1 + share*(K[i] - 1))    "mole fractions of the liquid"
 let y[i in species] = K[i]*x[i]                      "mole fractions of the vapour"
