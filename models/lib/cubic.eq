@@ -28,10 +28,11 @@ def pr_polynomial(Z, A, B) = Z^3 - (1 - B)*Z^2 + (A - 3*B^2 - 2*B)*Z - (A*B - B^
 def pr_ln_phi(Z, A, B) = Z - 1 - ln(Z - B) - A/(2*sqrt(2)*B)*ln((Z + (1 + sqrt(2))*B)/(Z + (1 - sqrt(2))*B))
 def pr_volume_polynomial(u, q, B) = B*u^3 - (1 - B)*u^2 + (q - 3*B - 2)*u - (q - 1 - B)    # u = v/b, q = A/B
 def srk_polynomial(Z, A, B) = Z^3 - Z^2 + (A - B - B^2)*Z - A*B
+def srk_volume_polynomial(u, q, B) = B*u^3 - u^2 + (q - 1 - B)*u - q
 def srk_ln_phi(Z, A, B) = Z - 1 - ln(Z - B) - A/B*ln(1 + B/Z)
 
-# The phase is that of the root, which guess and bounds of the variable choose: a liquid has less than the critical volume, 3.951*b,
-# a vapour more than the least volume of a saturated vapour near the critical point. The start fails if the phase has no root.
+# The phase is that of the root, which guess and bounds of the variable choose: a liquid has less than the critical volume, 3.951*b (SRK
+# 3.847*b), a vapour more than the least volume of a saturated vapour near the critical point. The start fails if the phase has no root.
 component PengRobinsonVapour "compressibility, molar volume and fugacity of the vapour" {
   param T_c   : K      "critical temperature"
   param p_c   : bar    "critical pressure"
@@ -39,9 +40,10 @@ component PengRobinsonVapour "compressibility, molar volume and fugacity of the 
   var T : K   = 300
   var p : bar = 1
   var Z : 1   = 1  in 0.25..2    "compressibility factor"
-  let A = pr_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
-  let B = pr_b(T_c, p_c)*p/(R_cubic*T)
-  eq  pr_polynomial(Z, A, B) = 0
+  let A    = pr_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
+  let B    = pr_b(T_c, p_c)*p/(R_cubic*T)
+  let zero = pr_polynomial(Z, A, B)
+  eq zero = 0
   let v      : m^3/mol = Z*R_cubic*T/p         "molar volume"
   let ln_phi : 1       = pr_ln_phi(Z, A, B)    "logarithm of the fugacity coefficient"
 }
@@ -53,10 +55,26 @@ component PengRobinsonLiquid "compressibility, molar volume and fugacity of the 
   var T : K   = 300
   var p : bar = 1
   var u : 1   = 1.2  in 1..3.951    "molar volume over covolume"
-  let A = pr_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
-  let B = pr_b(T_c, p_c)*p/(R_cubic*T)
-  let Z = u*B
-  eq  pr_volume_polynomial(u, A/B, B) = 0
-  let v      : m^3/mol = u*pr_b(T_c, p_c)      "molar volume"
+  let A    = pr_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
+  let B    = pr_b(T_c, p_c)*p/(R_cubic*T)
+  let Z    = u*B
+  let zero = pr_volume_polynomial(u, A/B, B)
+  eq zero = 0
+  let v      : m^3/mol = Z*R_cubic*T/p         "molar volume"
   let ln_phi : 1       = pr_ln_phi(Z, A, B)    "logarithm of the fugacity coefficient"
+}
+
+component SoaveVapour extends PengRobinsonVapour {
+  let A          = srk_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
+  let B          = srk_b(T_c, p_c)*p/(R_cubic*T)
+  let zero       = srk_polynomial(Z, A, B)
+  let ln_phi : 1 = srk_ln_phi(Z, A, B)    "logarithm of the fugacity coefficient"
+}
+
+component SoaveLiquid extends PengRobinsonLiquid {
+  var u : 1 = 1.4 in 1..3.847    "molar volume over covolume"
+  let A          = srk_a(T, T_c, p_c, omega)*p/sq(R_cubic*T)
+  let B          = srk_b(T_c, p_c)*p/(R_cubic*T)
+  let zero       = srk_volume_polynomial(u, A/B, B)
+  let ln_phi : 1 = srk_ln_phi(Z, A, B)    "logarithm of the fugacity coefficient"
 }

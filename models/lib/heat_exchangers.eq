@@ -1,7 +1,7 @@
 # Heat exchangers between two streams of streams.eq; their contents keep their composition.
 #
-# Source: D. E. Seborg et al., Process Dynamics and Control: energy balances of both sides; the distributed one in counter-current
-# approaches the logarithmic mean temperature difference as its cells become finer.
+# Source: D. E. Seborg et al., Process Dynamics and Control: energy balances of both sides; the distributed ones
+# approach the logarithmic mean temperature difference as their cells become finer.
 # Range: constant heat capacities and transfer coefficient, no change of phase, no heat capacity of the wall.
 
 use "lib/streams.eq"
@@ -49,4 +49,9 @@ component CountercurrentExchanger(cells = 30) "plug flow on both sides, in oppos
   eq cold_out.c[i]  = cold_in.c[i]                                                for i in species
   eq hot_out.T      = celsius(T_hot[z.last])
   eq cold_out.T     = celsius(T_cold[z.first])
+}
+
+component CocurrentExchanger extends CountercurrentExchanger {
+  flux C[z] = D_cold*T_cold[z], low = D_cold*kelvin(cold_in.T)
+  eq cold_out.T = celsius(T_cold[z.last])
 }

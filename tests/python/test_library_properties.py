@@ -326,3 +326,40 @@ def test_nrtl_of_a_mixture_is_the_derivative_of_the_excess_energy(x):
         x_a=x[0], x_b=x[1],
     )  # fmt: skip
     assert [found[f"g[{i}]"] for i in "abc"] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("T", "p"), [(300, 5.0), (250, 2.0), (340, 22.0)])
+def test_soave_redlich_kwong_finds_the_root_of_each_phase(T, p):
+    """Roots of the cubic by NumPy for propane, and equal fugacities at a pressure near that of saturation."""
+    found = values(
+        'use "lib/cubic.eq"\nparam T : K = 300\nparam p : bar = 5\n'
+        "use SoaveVapour as gas(T_c = 369.83 [K], p_c = 42.48 [bar], omega = 0.152)\n"
+        "use SoaveLiquid as liquid(T_c = 369.83 [K], p_c = 42.48 [bar], omega = 0.152)\n"
+        "eq gas.T = T\neq gas.p = p\neq liquid.T = T\neq liquid.p = p\n"
+        "let Z : 1 = liquid.Z\nlet v : m^3/mol = liquid.v\n",
+        T=T, p=p,
+    )  # fmt: skip
+    third = 2 ** (1 / 3) - 1
+    m = 0.48 + 1.574 * 0.152 - 0.176 * 0.152**2
+    reduced, pressure = T / 369.83, p / 42.48
+    A = (1 + m * (1 - math.sqrt(reduced))) ** 2 * pressure / reduced**2 / (9 * third)
+    B = third / 3 * pressure / reduced
+    roots = np.roots([1, -1, A - B - B**2, -A * B])
+    real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+    assert found["gas.Z"] == pytest.approx(real[-1], rel=1e-9)
+    assert found["Z"] == pytest.approx(real[0], rel=1e-9)
+    assert found["v"] == pytest.approx(real[0] * 8.31446261815324 * T / (p * 1e5), rel=1e-9)
+
+
+def test_flash_drum_reports_a_temperature_outside_of_its_data():
+    model = smpl.compile(
+        source="model Drum\nset species = { benzene, toluene }\n"
+        'use "lib/drums.eq"\naction T : degC = 95 in 0..120\nuse FlashDrum as D(p = 1.013 [bar])\neq D.T = T\n'
+        "eq D.feed.F = 1 [kmol/h]\neq D.feed.x[i] = 0.5 for i in species\n"
+        "let benzene_left : 1 = D.valid[benzene].warned\nlet toluene_left : 1 = D.valid[toluene].warned\n"
+        "observe D.share in 0..1\nepisode { step = 1 [s], max_steps = 5 }\n"
+    )
+    # Below 309 K the data of toluene end, below 288 K those of benzene.
+    run = model.rollout([], np.array([[95.0], [30.0], [95.0], [5.0], [95.0]]), outputs=True)
+    at = [model.algebraic_names.index(name) for name in ("benzene_left", "toluene_left")]
+    assert run.outputs[0][:, at].tolist() == [[0, 0], [0, 0], [0, 1], [0, 1], [1, 1], [1, 1]]
