@@ -90,7 +90,7 @@ pub fn diagnose(setup: &Arc<Setup>) -> Result<Diagnosis, SetupError> {
     let mut environment = Environment::new(Arc::clone(setup))?;
     let model = setup.model();
     let mut out = Diagnosis { states: model.states(), algebraic: model.unknowns() - model.states(), ..Diagnosis::default() };
-    out.freed = setup.freed.pairs.iter().filter_map(|&(_, at)| Some(element(setup, at)?.name.clone())).collect();
+    out.freed = setup.determined_at_start().map(|(_, state)| state.name.clone()).collect();
     let nominal = ResetOptions { start: Start::Nominal, expected: true, ..ResetOptions::default() };
     let begun = environment.reset(Some(0), &nominal);
     let y = environment.unknowns().to_vec();

@@ -18,6 +18,7 @@ use smpl_compiler::artefact::{self, Circumstances};
 use smpl_compiler::compile::{Compiled, compile};
 use smpl_compiler::compiled::{BackEndSettings, CompiledModel};
 use smpl_compiler::elaborate::Options;
+use smpl_compiler::model::Model;
 use smpl_compiler::read::read_sources;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes, suggest};
 use smpl_dsl::span::{FileId, Span};
@@ -29,8 +30,7 @@ use self::made::{load_artefact, load_json};
 use self::options::finish;
 use crate::files::{self, plain};
 use crate::scenario::{self, Scenario, Value, Variant};
-use crate::setup::EnvironmentOptions;
-use crate::start::Conflict;
+use crate::setup::{EnvironmentOptions, start_diagnostics};
 
 /// Code of the diagnostic of a file that cannot be read.
 pub const UNREADABLE: &str = codes::UNREADABLE.id();
@@ -199,9 +199,11 @@ pub fn load_open(path: &Path, text: String, options: &LoadOptions, open: OpenTex
             let print = fingerprint(texts, scenario_text(&scenario, &sources));
             let circumstances = circumstances(&scenario, &sources, options);
             let loaded = finish(model, sources, &scenario, Layers(&layers), options)?;
-            if let Some(fault) = options.lints.then(|| Conflict::of(&loaded.model)).flatten() {
-                return Err(LoadError::Diagnostics { sources: loaded.sources, diagnostics: vec![fault] });
+            let found = if options.lints { start_diagnostics(&loaded.model, &loaded.options) } else { Vec::new() };
+            if found.iter().any(Diagnostic::is_error) {
+                return Err(LoadError::Diagnostics { sources: loaded.sources, diagnostics: found });
             }
+            let warnings = warnings.into_iter().chain(found).collect();
             Ok(Loaded { warnings, fingerprint: print, circumstances, ..loaded })
         }
         Err(mut diagnostics) => {
@@ -209,6 +211,18 @@ pub fn load_open(path: &Path, text: String, options: &LoadOptions, open: OpenTex
             Err(LoadError::Diagnostics { sources: Arc::new(sources), diagnostics })
         }
     }
+}
+
+/// Diagnostics of the conditions at the start of a flat model, as those that [`load`] reports with
+/// [`LoadOptions::lints`]: for editors, whose texts are compiled no further.
+#[must_use]
+pub fn start_diagnostics_of_text(model: Model) -> Vec<Diagnostic> {
+    if model.interface.start_conditions.is_empty() {
+        return Vec::new();
+    }
+    let settings = BackEndSettings { quick: true, ..BackEndSettings::default() };
+    let compiled = CompiledModel::build(model, &settings);
+    compiled.map_or_else(|_| Vec::new(), |model| start_diagnostics(&Arc::new(model), &EnvironmentOptions::default()))
 }
 
 fn scenario_text<'s>(scenario: &Scenario, sources: &'s SourceMap) -> &'s str {

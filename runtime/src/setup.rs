@@ -13,11 +13,13 @@ use smpl_dsl::diagnostic::SourceMap;
 
 mod options;
 mod reads;
+mod starts;
 
 pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{
     algebraics_read_rates, any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, step_reads_steady,
 };
+pub use self::starts::start_diagnostics;
 use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
 use crate::random;
 use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};

@@ -59,7 +59,7 @@ fn helps(
     let changed = Changed::by(texts, std::slice::from_ref(&fix.edit));
     let Some(main) = program.files.first() else { return false };
     let Some(after) = Program::new(&main.path, &changed) else { return false };
-    let Some(checked) = check(&after, &changed, &observer.apart()) else { return false };
+    let Some(checked) = check(&after, &changed, &observer.apart(), &|_| Vec::new()) else { return false };
     let errors = |list: &[Diagnostic]| list.iter().filter(|d| d.is_error()).count();
     let syntax = |list: &[Diagnostic]| list.iter().filter(|d| d.code.id().starts_with("E01")).count();
     let same = |list: &[Diagnostic]| list.iter().filter(|d| d.code == diagnostic.code && d.message == diagnostic.message).count();

@@ -42,9 +42,13 @@ pub struct Checked {
     pub valid: bool,
 }
 
-/// Compiles a program as far as the flat model; `None` if the observer cancelled it.
+/// Diagnostics of a flat model that need more than the front end.
+pub type Further<'a> = &'a dyn Fn(Model) -> Vec<Diagnostic>;
+
+/// Compiles a program as far as the flat model, which `further` judges; `None` if the observer
+/// cancelled it.
 #[must_use]
-pub fn check(program: &Program, texts: &(dyn Texts + Sync), observer: &Observer) -> Option<Checked> {
+pub fn check(program: &Program, texts: &(dyn Texts + Sync), observer: &Observer, further: Further<'_>) -> Option<Checked> {
     let main = program.files.first()?;
     let mut sources = SourceMap::new();
     let id = sources.add(main.path.display().to_string(), main.text.as_ref());
@@ -56,14 +60,15 @@ pub fn check(program: &Program, texts: &(dyn Texts + Sync), observer: &Observer)
     }
     let mut facts = Facts::default();
     note_facts(program, observer.take(), &mut facts);
-    let valid = result.is_ok();
     let mut diagnostics = match result {
-        Ok((model, warnings)) => {
+        Ok((model, mut warnings)) => {
             note_equations(program, &model, &mut facts);
+            warnings.extend(further(model));
             warnings
         }
         Err(faults) => faults,
     };
+    let valid = !diagnostics.iter().any(Diagnostic::is_error);
     if program.is_library() {
         diagnostics.retain(|d| !of_models_alone(d));
     }

@@ -51,7 +51,7 @@ fn program(texts: &Memory, path: &str) -> Program {
 }
 
 fn checked(program: &Program, texts: &Memory) -> Checked {
-    check(program, texts, &Observer::default()).expect("nothing cancels it")
+    check(program, texts, &Observer::default(), &|_| Vec::new()).expect("nothing cancels it")
 }
 
 /// The text without its mark `‸`, and where the mark was.

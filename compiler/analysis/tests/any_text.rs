@@ -27,7 +27,8 @@ fn ask(text: &str, offset: usize, compile: bool) {
     let texts = Memory::of([(MAIN, text), ("model.other.yaml", "parameters: {k: 1}\nvariants: [a=b]\n")]);
     let Some(program) = Program::new(Path::new(MAIN), &texts) else { panic!("the text is there") };
     let file = FileId(0);
-    let checked = if compile { check(&program, &texts, &Observer::default()).unwrap_or_default() } else { Checked::default() };
+    let checked =
+        if compile { check(&program, &texts, &Observer::default(), &|_| Vec::new()).unwrap_or_default() } else { Checked::default() };
     let facts = &checked.facts;
     let _ = hover::hover(&program, facts, file, offset);
     let _ = complete::complete(&program, facts, &texts, file, offset);

@@ -124,6 +124,7 @@ registry! {
     OPEN_BOUNDS "W0608-open-bounds" "an observation that is bounded on one side only"
     NO_BOX "W0609-unbounded-observation" "an observation without bounds: learners need a finite box"
     UNBALANCED_MASS "W0610-unbalanced-mass" "a reaction that does not keep the mass, by the molar masses of its species"
+    REPLACED_START "W0611-replaced-start" "a condition at the start that replaces the declared value of a state that it does not name"
 }
 
 #[cfg(test)]

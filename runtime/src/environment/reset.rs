@@ -517,7 +517,7 @@ impl Environment {
         }
         let setup = std::sync::Arc::clone(&self.setup);
         let at = |name: &String| setup.catalogue.states.find(name).map(|e| e.at);
-        let mut given: BTreeSet<usize> = setup.options.initial.keys().filter_map(at).collect();
+        let mut given: BTreeSet<usize> = setup.options.initial.keys().chain(&setup.options.given_starts).filter_map(at).collect();
         match &options.state {
             StateInput::Start => {}
             StateInput::Named(named) => given.extend(named.keys().filter_map(at)),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use smpl_compiler::artefact::Circumstances;
 use smpl_compiler::compiled::CompiledModel;
+use smpl_compiler::model::Quantity;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 
 use super::layers::Layers;
@@ -36,6 +37,7 @@ pub(super) fn finish(
     };
     environment.disturbances = recorded(scenario, &model);
     environment.held = held(scenario);
+    environment.given_starts = given_starts(scenario, &model);
     environment.noise = match &scenario.noise {
         None | Some(Noise::Switch(true)) => BTreeMap::new(),
         Some(Noise::Switch(false)) => model.interface().finish.observations.iter().map(|o| (o.name.clone(), 0.0)).collect(),
@@ -50,6 +52,17 @@ pub(super) fn finish(
         fingerprint: [0; 32],
         circumstances: Circumstances::default(),
     })
+}
+
+/// Elements of states that a scenario gives, one by one or as whole arrays.
+fn given_starts(scenario: &Scenario, model: &CompiledModel) -> BTreeSet<String> {
+    let states = &model.interface().quantities.states;
+    let names = |quantity: &Quantity| (0..quantity.len()).map(|i| quantity.element_name(i)).collect::<Vec<_>>();
+    let all = scenario.initial.keys().flat_map(|name| match states.iter().find(|quantity| quantity.name == *name) {
+        Some(whole) => names(whole),
+        None => vec![name.replace(' ', "")],
+    });
+    all.collect()
 }
 
 /// Names of noise and disturbances that the model does not have, at their places.

@@ -21,6 +21,8 @@ pub struct EnvironmentOptions {
     /// Initial values of states and discrete variables; they override those of the model in every
     /// episode.
     pub initial: BTreeMap<String, f64>,
+    /// States that start as the scenario gives, whatever conditions at the start there are.
+    pub given_starts: BTreeSet<String>,
     /// Standard deviation of the noise of observations.
     pub noise: BTreeMap<String, f64>,
     /// Recorded disturbances instead of drawn ones, one value per step; a single one holds

@@ -1,9 +1,7 @@
 //! The states that conditions at the start determine.
 
 use std::fmt;
-use std::sync::Arc;
 
-use smpl_compiler::compiled::CompiledModel;
 use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use smpl_dsl::span::Span;
 
@@ -33,12 +31,9 @@ pub struct Conflict {
 }
 
 impl Conflict {
-    /// Conditions at the start of a model that determine too much, as a fault of its text.
-    #[must_use]
-    pub fn of(model: &Arc<CompiledModel>) -> Option<Diagnostic> {
-        let mut system = CompiledSystem::new(Arc::clone(model)).ok()?;
-        let conflict = Freed::choose(&mut system, &Catalogue::new(model), None).err()?;
-        let [mut conditions, equations] = conflict.places;
+    /// The conflict as an error of the text; `None` where no condition has a place.
+    pub(crate) fn diagnostic(self) -> Option<Diagnostic> {
+        let [mut conditions, equations] = self.places;
         let last = conditions.pop()?;
         let message = format!("{} conditions at the start are too many: no state is left for this one", conditions.len() + 1);
         let fault = Diagnostic::error(codes::OVERDETERMINED, message, last);

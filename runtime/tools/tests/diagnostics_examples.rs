@@ -11,6 +11,7 @@ use smpl_compiler::compile::flatten;
 use smpl_compiler::elaborate::Options;
 use smpl_dsl::diagnostic::{Code, Diagnostic, SourceMap, codes};
 use smpl_dsl::span::FileId;
+use smpl_runtime::load::start_diagnostics_of_text;
 use smpl_tools::lint;
 
 use shell::{beside, file, name, smpl, status, text};
@@ -93,6 +94,7 @@ fn faults(text: &str, code: Code) -> Vec<Diagnostic> {
         Ok((model, mut warnings)) => {
             let tree = smpl_dsl::parse(text, FileId(0)).file;
             warnings.extend(lint::lints(&tree, &model.interface).into_iter().filter(|lint| lint.code == code));
+            warnings.extend(start_diagnostics_of_text(model));
             warnings
         }
         Err(faults) => faults,

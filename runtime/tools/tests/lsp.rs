@@ -305,6 +305,20 @@ fn only_the_newest_version_is_published_and_each_version_once() {
 }
 
 #[test]
+fn conditions_at_the_start_are_judged_as_by_the_check() {
+    let vessel = "time t : s\nstate N : mol = 1\nvar p : mol\neq p = 2*N\neq d/dt N = -N/1 [s]\nepisode { step = 1 [s], max_steps = 1 }\n";
+    let one = format!("{vessel}initial eq p = 4 [mol]\n");
+    let mut client = Client::new(&[("vessel.eq", &one)]);
+    client.open("vessel.eq", &one);
+    let codes = |found: Vec<Value>| found.iter().map(|d| (d["code"].clone(), d["range"]["start"]["line"].clone())).collect::<Vec<_>>();
+    assert_eq!(codes(client.diagnostics("vessel.eq", 1)), [(json!("W0611-replaced-start"), json!(6))]);
+    client.change("vessel.eq", 2, json!([{ "text": format!("{one}initial eq N = 3 [mol]\n") }]));
+    assert_eq!(codes(client.diagnostics("vessel.eq", 2)), [(json!("E0502-overdetermined"), json!(7))]);
+    client.change("vessel.eq", 3, json!([{ "text": format!("{vessel}initial eq p = 4 [mol] free N\n") }]));
+    assert_eq!(client.diagnostics("vessel.eq", 3), Vec::<Value>::new());
+}
+
+#[test]
 fn pulled_diagnostics_wait_for_the_newest_text() {
     let mut client = Client::with(&[("tank.eq", TANK)], json!({ "textDocument": { "diagnostic": {} } }));
     client.open("tank.eq", TANK);

@@ -2,7 +2,7 @@
 
 mod shell;
 
-use shell::{columns, file, name, smpl, status, text};
+use shell::{beside, columns, file, name, smpl, status, text};
 
 /// The last row of a run, by column.
 fn last(test: &str, source: &str, wanted: &[&str]) -> Vec<f64> {
@@ -198,6 +198,31 @@ fn starts_are_drawn_where_they_are_declared() {
         assert!((mean(k) - centre).abs() <= 4.0 * spread / 10.0, "{}: {}", names[k], mean(k));
         assert!((deviation(k) - spread).abs() <= 0.3 * spread, "{}: {}", names[k], deviation(k));
     }
+}
+
+/// p = N T: the condition moves both alike, so that the first one follows.
+#[test]
+fn the_check_warns_of_conditions_that_replace_a_declared_value_unnamed() {
+    let vessel = "time t : s\nstate N : mol = 1\nstate T : K = 300\nvar p : mol*K\neq p = N*T\neq d/dt N = -N/1 [s]\neq d/dt T = 0\n\
+                  episode { step = 1 [s], max_steps = 1 }\n";
+    let path = |condition: &str| file("replaced", "m.eq", format!("{vessel}initial {condition}\n"));
+    let of = |condition: &str| smpl(&["check", name(&path(condition))]);
+    let output = of("eq p = 600 [mol K]");
+    let shown = text(&output.stderr);
+    assert!(status(&output) == 0 && text(&output.stdout).contains("1 warning"), "{shown}");
+    let expected = ["W0611-replaced-start", "this condition determines `N`, whose declared value 1 mol is only a guess", "declared here"];
+    assert!(expected.iter().all(|part| shown.contains(part)), "{shown}");
+    for condition in ["eq p = 600 [mol K] free N", "d/dt N = -2 [mol/s]", "steady for N"] {
+        assert_eq!(text(&of(condition).stderr), "", "{condition}");
+    }
+    let scenario = beside(&path("eq p = 600 [mol K]"), "m.cold.yaml");
+    std::fs::write(&scenario, "initial: { N: 3 }\n").expect("a file");
+    let held = smpl(&["check", name(&path("eq p = 600 [mol K]")), "--scenario", "cold"]);
+    assert_eq!((status(&held), text(&held.stderr)), (0, String::new()));
+    let starts = columns(&path("eq p = 600 [mol K]"), &["N", "T", "p"], &["--scenario", "cold"]);
+    assert_eq!(starts.iter().map(|column| column[0]).collect::<Vec<_>>(), [3.0, 300.0, 900.0]);
+    let compiled = smpl(&["compile", name(&path("eq p = 600 [mol K]"))]);
+    assert!(text(&compiled.stdout).contains("set by conditions     N (guess 1 mol)"), "{}", text(&compiled.stdout));
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::report::{self, Failed};
 use super::{Files, Format, ModelArguments, say};
 use crate::policy::Policy;
 use crate::reduction::{Summary, shown};
+use smpl_runtime::catalogue::Element;
 use smpl_runtime::environment::{Environment, ResetOptions, Start};
 use smpl_runtime::failure::{Short, unit_suffix};
 use smpl_runtime::load::{LoadError, LoadOptions, Loaded};
@@ -122,19 +123,16 @@ fn without_place(file: &PathBuf, error: &LoadError) -> Json {
 }
 
 /// The states that conditions at the start determine, with the declared values that are guesses.
-fn determined(loaded: &Loaded) -> Option<String> {
+pub(super) fn determined(loaded: &Loaded) -> Option<String> {
     if loaded.model.interface().start_conditions.is_empty() {
         return None;
     }
     let setup = Setup::new(Arc::clone(&loaded.model), loaded.options.clone(), Some(Arc::clone(&loaded.sources))).ok()?;
-    let states = setup.catalogue.states.elements();
-    let name = |&(_, at): &(usize, usize)| {
-        let state = states.iter().find(|state| state.at == at)?;
-        let unit = unit_suffix(&state.unit);
-        let guess = if state.default.is_finite() { format!(" (guess {}{unit})", Short(state.default)) } else { String::new() };
-        Some(format!("{}{guess}", state.name))
+    let guess = |state: &Element| match state.default {
+        guess if guess.is_finite() => format!(" (guess {}{})", Short(guess), unit_suffix(&state.unit)),
+        _ => String::new(),
     };
-    let names: Vec<String> = setup.freed.pairs.iter().filter_map(name).collect();
+    let names: Vec<String> = setup.determined_at_start().map(|(_, state)| format!("{}{}", state.name, guess(state))).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     Some(format!("  set by conditions     {}\n", shown(&names)))
 }

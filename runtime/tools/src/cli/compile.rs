@@ -10,6 +10,7 @@ use serde_json::json;
 use smpl_compiler::compiled::{CompiledModel, WatchRole};
 use smpl_compiler::model::{AlgebraicCounts, Quantity};
 
+use super::check::determined;
 use super::report::Failed;
 use super::{ModelArguments, outputs, say};
 use crate::reduction::Summary;
@@ -114,6 +115,7 @@ fn summary(loaded: &Loaded, loading: Duration, out: &Path) -> Result<String, Fai
     let _ = writeln!(text, "  differential states   {}", model.states());
     let _ = writeln!(text, "  algebraic variables   {declared} declared, {solved} solved, {substituted} substituted");
     text.push_str(&Summary::of(interface).map(|summary| summary.text()).unwrap_or_default());
+    text.push_str(&determined(loaded).unwrap_or_default());
     let _ = writeln!(text, "  discrete variables    {}", count(&interface.quantities.discretes));
     let _ = writeln!(text, "  actions               {}", count(&interface.quantities.actions));
     let _ = writeln!(text, "  observations          {}", interface.finish.observations.len());

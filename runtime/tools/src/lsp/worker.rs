@@ -25,7 +25,7 @@ use smpl_analysis::texts::model_of_scenario;
 use smpl_compiler::elaborate::notes::Observer;
 use smpl_dsl::diagnostic::{self, Severity, SourceMap, codes};
 use smpl_dsl::span::{FileId, Span};
-use smpl_runtime::load::{LoadError, LoadOptions, load_text};
+use smpl_runtime::load::{LoadError, LoadOptions, load_text, start_diagnostics_of_text};
 
 use super::convert::{Places, uri_of};
 use super::texts::OpenTexts;
@@ -242,7 +242,7 @@ impl Shared {
         let terms = self.terms();
         match job {
             Job::Model(program) => {
-                let checked = check(program, self.texts.as_ref(), observer)?;
+                let checked = check(program, self.texts.as_ref(), observer, &start_diagnostics_of_text)?;
                 let mut by_file: BTreeMap<PathBuf, Vec<Diagnostic>> =
                     program.files.iter().map(|file| (file.path.clone(), Vec::new())).collect();
                 for d in &checked.diagnostics {
