@@ -32,7 +32,7 @@ pub use fmu::{Package, Settings};
 pub use origin::Origin;
 
 /// Printer of the files of a target, the main file first.
-type Print = fn(&Model, &Nominal<'_>, &Origin<'_>) -> Result<Vec<String>, ExportError>;
+type Print = fn(&Model, &Nominal<'_>, &Origin<'_>, &Settings) -> Result<Vec<String>, ExportError>;
 
 /// Makes the targets of the table. A line has the name on the command line, the endings of the
 /// files, the printer, and whether the files keep the past of delays. The first ending is that of
@@ -74,15 +74,17 @@ macro_rules! exporters {
 
 exporters! {
     /// A Python module that builds CasADi functions.
-    Casadi: "casadi", ["py"], |model, nominal, origin| Ok(vec![casadi::print(model, nominal, origin)?]), false;
+    Casadi: "casadi", ["py"], |model, nominal, origin, _| Ok(vec![casadi::print(model, nominal, origin)?]), false;
     /// A Python module of pure functions for JAX.
-    Jax: "jax", ["py"], |model, nominal, origin| Ok(vec![jax::print(model, nominal, origin)?]), false;
+    Jax: "jax", ["py"], |model, nominal, origin, _| Ok(vec![jax::print(model, nominal, origin)?]), false;
     /// C99 without dependencies: a source and its header.
-    C: "c", ["c", "h"], c::print, false;
+    C: "c", ["c", "h"], |model, nominal, origin, _| c::print(model, nominal, origin), false;
+    /// C99 of many instances at once with an integrator, which NVRTC compiles for a GPU.
+    Kernel: "kernel", ["c"], |model, nominal, origin, settings| Ok(vec![fmu::kernel(model, nominal, origin, settings)?]), false;
     /// The checked model as a tree, with a schema.
-    Json: "json", ["json"], |model, nominal, origin| Ok(vec![json::print(model, nominal, origin)?]), true;
+    Json: "json", ["json"], |model, nominal, origin, _| Ok(vec![json::print(model, nominal, origin)?]), true;
     /// An archive for simulators, see [`package`].
-    Fmu: "fmu", ["fmu"], |_, _, _| Err(ExportError::Archive), false;
+    Fmu: "fmu", ["fmu"], |_, _, _, _| Err(ExportError::Archive), false;
 }
 
 impl Target {
@@ -120,9 +122,15 @@ pub struct File {
 ///
 /// # Errors
 /// See [`ExportError`].
-pub fn export(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, target: Target) -> Result<Vec<File>, ExportError> {
+pub fn export(
+    model: &CompiledModel,
+    nominal: &Nominal<'_>,
+    origin: &Origin<'_>,
+    settings: &Settings,
+    target: Target,
+) -> Result<Vec<File>, ExportError> {
     refuse_delays(model, target)?;
-    let texts = target.print()(model.model(), nominal, origin)?;
+    let texts = target.print()(model.model(), nominal, origin, settings)?;
     Ok(target.endings().iter().zip(texts).map(|(ending, text)| File { ending, text }).collect())
 }
 

@@ -5,6 +5,7 @@
 //! of C that are the same for every model (`fmu/sources`). These read tables that are written here.
 
 mod description;
+mod kernel;
 mod order;
 mod partials;
 mod tables;
@@ -59,6 +60,8 @@ const SOURCES: [(&str, &str); 9] = [
     ("variables.c", include_str!("fmu/sources/variables.c")),
 ];
 
+pub(super) use kernel::print as kernel;
+
 /// All that a package is made of.
 struct Parts<'a> {
     sheet: &'a Sheet,
@@ -67,6 +70,8 @@ struct Parts<'a> {
     variables: &'a variables::Variables,
     partials: &'a partials::Partials,
     order: &'a [u32],
+    /// The most entries of the factors L and U.
+    room: [usize; 2],
     /// Parts that read the steady state, which is that of the exported parameters.
     steady: &'a [String],
     /// Time occurs in the equations.
@@ -91,6 +96,7 @@ pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>,
         variables: &variables,
         partials: &partials,
         order: &order,
+        room: order::most_entries(&text.pattern, &order),
         steady: &steady,
         timed,
     };
@@ -122,6 +128,11 @@ fn token(description: &str, sources: &[(String, String)]) -> String {
     });
     let hex = hasher.finalize().to_hex();
     format!("{{{}}}", &hex[..32])
+}
+
+/// Returns `true` if a function reads an integral over the step, which only the environment has.
+fn reads_integral(sheet: &Sheet, function: &Function) -> bool {
+    sheet.loads(function).iter().any(|&(var, _)| sheet.model.vars[var].role == Role::Quadrature)
 }
 
 /// Returns `true` if an FMU calls a function. It has start values instead of the programs that

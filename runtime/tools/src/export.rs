@@ -38,7 +38,7 @@ pub fn export(loaded: &Loaded, target: Target, stem: Option<&str>) -> Result<Vec
     let setup = setup(loaded)?;
     at_nominal(loaded, &setup, |nominal| {
         let origin = Origin { made_for: &loaded.made_for(), circumstances: &loaded.circumstances, stem };
-        targets::export(&loaded.model, nominal, &origin, target)
+        targets::export(&loaded.model, nominal, &origin, &settings(&setup), target)
     })
 }
 

@@ -37,9 +37,58 @@ pub(super) fn order(pattern: &Pattern) -> Vec<u32> {
     order
 }
 
+/// The most entries that the factors L and U can have, whichever rows are exchanged: rows that
+/// compete for a pivot take the union of their patterns (A. George and E. Ng, SIAM J. Sci. Stat.
+/// Comput. 8 (1987) 877).
+pub(super) fn most_entries(pattern: &Pattern, order: &[u32]) -> [usize; 2] {
+    let n = order.len();
+    let mut rows: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); n];
+    for (at, &column) in order.iter().enumerate() {
+        let entries = pattern.columns[column as usize] as usize..pattern.columns[column as usize + 1] as usize;
+        for &row in &pattern.rows[entries] {
+            rows[row as usize].insert(at);
+        }
+    }
+    // Groups of rows of equal pattern with their number, by the first column of the pattern.
+    let mut groups: Vec<Vec<(BTreeSet<usize>, usize)>> = vec![vec![]; n];
+    let file = |groups: &mut Vec<Vec<(BTreeSet<usize>, usize)>>, pattern: BTreeSet<usize>, count: usize| {
+        if let Some(&first) = pattern.first().filter(|_| count > 0) {
+            groups[first].push((pattern, count));
+        }
+    };
+    rows.into_iter().for_each(|pattern| file(&mut groups, pattern, 1));
+    let [mut lower, mut upper] = [0, 0];
+    for column in 0..n {
+        let mut competing = std::mem::take(&mut groups[column]);
+        competing.sort_unstable_by_key(|(pattern, _)| Reverse(pattern.len()));
+        let count: usize = competing.iter().map(|(_, count)| count).sum();
+        let mut patterns = competing.into_iter().map(|(pattern, _)| pattern);
+        let mut union = patterns.next().unwrap_or_default();
+        patterns.for_each(|pattern| union.extend(pattern));
+        lower += count.max(1);
+        upper += union.len().max(1);
+        union.remove(&column);
+        file(&mut groups, union, count.saturating_sub(1));
+    }
+    [lower, upper]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn factors_of_a_tridiagonal_matrix_have_two_and_three_entries_in_a_column() {
+        let n: u32 = 8;
+        let mut pattern = Pattern { columns: vec![0], rows: vec![] };
+        for column in 0..n {
+            pattern.rows.extend((column.saturating_sub(1)..=(column + 1).min(n - 1)).collect::<Vec<_>>());
+            pattern.columns.push(pattern.rows.len() as u32);
+        }
+        // With rows exchanged U has a second superdiagonal (Golub and Van Loan, section 4.3).
+        let n = n as usize;
+        assert_eq!(most_entries(&pattern, &(0..8).collect::<Vec<_>>()), [2 * n - 1, 3 * n - 3]);
+    }
 
     #[test]
     fn an_arrow_is_eliminated_from_its_tips() {

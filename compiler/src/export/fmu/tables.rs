@@ -184,6 +184,10 @@ impl Tables<'_> {
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into();
+        lines.extend([("L_ROOM", parts.room[0]), ("U_ROOM", parts.room[1])].map(|(name, length)| (name.into(), length.to_string())));
+        let rewards = sheet.function("rewards").filter(|f| !super::reads_integral(sheet, f));
+        lines.push(("HAS_rewards".into(), flag(rewards.is_some())));
+        lines.push(("REWARDS".into(), rewards.map_or(0, |f| f.outputs.len()).to_string()));
         lines.extend(OPTIONAL.map(|name| (format!("HAS_{name}"), flag(sheet.function(name).is_some()))));
         let mut text = "/* What the sources have to know of the model. */\n#ifndef SMPL_TABLES_H\n#define SMPL_TABLES_H\n\n".to_owned();
         text += "#include \"model.h\"\n#include \"types.h\"\n\n#include <math.h>\n\n";

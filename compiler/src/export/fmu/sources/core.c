@@ -2,25 +2,9 @@
 #include "core.h"
 
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define N MODEL_UNKNOWNS
-
-fmi3Status smpl_say(smpl_instance *s, fmi3Status status, const char *format, ...)
-{
-    char text[1000];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (s->log && (s->logging || status >= fmi3Error)) {
-        s->log(s->environment, status, status >= fmi3Error ? "logStatusError" : "logEvents", text);
-    }
-    return status;
-}
 
 /* A part of a block behind what is used of it; nowhere while the block is only measured. */
 static double *take(double *block, size_t *used, size_t length)
@@ -30,9 +14,18 @@ static double *take(double *block, size_t *used, size_t length)
     return part;
 }
 
-static size_t divide(smpl_instance *s, double *block)
+size_t smpl_place(smpl_instance *s, double *block)
 {
     size_t used = 0;
+    s->kept = s->y = take(block, &used, N);
+    s->yp = take(block, &used, N);
+    s->u = take(block, &used, MODEL_ACTIONS);
+    s->u_before = take(block, &used, MODEL_ACTIONS);
+    s->p = take(block, &used, MODEL_PARAMETERS);
+    s->p_set = take(block, &used, MODEL_PARAMETERS);
+    s->c = take(block, &used, MODEL_CONTEXT);
+    s->holds = take(block, &used, SMPL_ROOTS);
+    s->passed = take(block, &used, SMPL_ROOTS);
     s->u_used = take(block, &used, MODEL_ACTIONS);
     s->w = take(block, &used, MODEL_WORK);
     s->outputs = take(block, &used, MODEL_OUTPUTS);
@@ -61,41 +54,8 @@ static size_t divide(smpl_instance *s, double *block)
     s->right = take(block, &used, N);
     s->slope = take(block, &used, N);
     s->terms = take(block, &used, 5 * (size_t)N);
-    return used;
-}
-
-smpl_instance *smpl_create(void)
-{
-    smpl_instance *s = calloc(1, sizeof *s);
-    size_t used = 0;
-    if (!s) return NULL;
-    s->kept = calloc(SMPL_KEPT, sizeof(double));
-    s->scratch = calloc(divide(s, NULL) + 1, sizeof(double));
-    if (!s->kept || !s->scratch || !smpl_lu_create(&s->lu, N, model_jacobian_columns, model_jacobian_rows, smpl_order)) {
-        smpl_destroy(s);
-        return NULL;
-    }
-    divide(s, s->scratch);
-    s->y = take(s->kept, &used, N);
-    s->yp = take(s->kept, &used, N);
-    s->u = take(s->kept, &used, MODEL_ACTIONS);
-    s->u_before = take(s->kept, &used, MODEL_ACTIONS);
-    s->p = take(s->kept, &used, MODEL_PARAMETERS);
-    s->p_set = take(s->kept, &used, MODEL_PARAMETERS);
-    s->c = take(s->kept, &used, MODEL_CONTEXT);
-    s->holds = take(s->kept, &used, SMPL_ROOTS);
-    s->passed = take(s->kept, &used, SMPL_ROOTS);
-    smpl_reset(s);
-    return s;
-}
-
-void smpl_destroy(smpl_instance *s)
-{
-    if (!s) return;
-    smpl_lu_destroy(&s->lu);
-    free(s->kept);
-    free(s->scratch);
-    free(s);
+    block = block ? block + used : NULL;
+    return used + smpl_lu_place(&s->lu, N, model_jacobian_columns, model_jacobian_rows, smpl_order, SMPL_L_ROOM, SMPL_U_ROOM, block);
 }
 
 void smpl_reset(smpl_instance *s)

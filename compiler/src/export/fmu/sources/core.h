@@ -2,9 +2,15 @@
 #ifndef SMPL_CORE_H
 #define SMPL_CORE_H
 
-#include "fmi3.h"
 #include "linear.h"
 #include "tables.h"
+
+#ifdef SMPL_BATCH
+/* A batch has no log. */
+#define smpl_say(...) ((void)0)
+#else
+#include "fmi3.h"
+#endif
 
 /* Where an instance is. */
 typedef enum { INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, STEP, TERMINATED } smpl_mode;
@@ -28,20 +34,21 @@ typedef struct {
 } smpl_progress;
 
 /* What is kept from instant to instant: one block of numbers. */
-#define SMPL_KEPT (2 * MODEL_UNKNOWNS + 2 * MODEL_ACTIONS + 2 * MODEL_PARAMETERS + MODEL_CONTEXT + 2 * SMPL_ROOTS + 8)
+#define SMPL_KEPT (2 * MODEL_UNKNOWNS + 2 * MODEL_ACTIONS + 2 * MODEL_PARAMETERS + MODEL_CONTEXT + 2 * SMPL_ROOTS)
 
 typedef struct {
     smpl_progress now;
+#ifndef SMPL_BATCH
     int co_simulation, logging;
-    const char *name;
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
-    double *kept;
+    double *memory; /* what the instance was placed in */
+#endif
+    double *kept;                 /* what is kept from instant to instant: the first SMPL_KEPT numbers of the block */
     double *y, *yp;               /* unknowns in the order of the model, and rates */
     double *u, *u_before;         /* actions, and those that were in force at the end of the last interval */
     double *p, *p_set, *c;        /* the model's parameters, 1 for those that were given, context */
     double *holds, *passed;       /* conditions of events that hold; that the solver has found to become true */
-    double *scratch;              /* one block for all below */
     double *u_used, *w, *outputs, *observations, *roots, *ahead, *failures, *partials;
     double *f, *delta, *trial, *trial_p, *zero;
     double *j0, *j1, *matrix, *seed, *p2, *y2, *yp2;
@@ -49,13 +56,16 @@ typedef struct {
     smpl_lu lu;
 } smpl_instance;
 
+#ifndef SMPL_BATCH
 #if defined(__GNUC__)
 __attribute__((format(printf, 3, 4)))
 #endif
 fmi3Status smpl_say(smpl_instance *s, fmi3Status status, const char *format, ...);
+#endif
 
-smpl_instance *smpl_create(void);
-void smpl_destroy(smpl_instance *s);
+/* Lays out an instance in a block of numbers, or measures it without one. Returns the length of the block, which begins with what is
+ * kept from instant to instant. */
+size_t smpl_place(smpl_instance *s, double *block);
 void smpl_reset(smpl_instance *s);
 void smpl_stale(smpl_instance *s);
 

@@ -2,10 +2,45 @@
 #include "core.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define S ((smpl_instance *)instance)
+
+fmi3Status smpl_say(smpl_instance *s, fmi3Status status, const char *format, ...)
+{
+    char text[1000];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (s->log && (s->logging || status >= fmi3Error)) {
+        s->log(s->environment, status, status >= fmi3Error ? "logStatusError" : "logEvents", text);
+    }
+    return status;
+}
+
+static void destroy(smpl_instance *s)
+{
+    if (s) free(s->memory);
+    free(s);
+}
+
+static smpl_instance *create(void)
+{
+    smpl_instance *s = (smpl_instance *)calloc(1, sizeof *s);
+    if (!s) return NULL;
+    s->memory = (double *)calloc(smpl_place(s, NULL) + 1, sizeof(double));
+    if (!s->memory) {
+        destroy(s);
+        return NULL;
+    }
+    smpl_place(s, s->memory);
+    smpl_reset(s);
+    return s;
+}
 
 const char *fmi3GetVersion(void)
 {
@@ -27,7 +62,7 @@ static fmi3Instance instantiate(
         if (log) log(environment, fmi3Error, "logStatusError", "the instantiation token is that of another model");
         return NULL;
     }
-    s = smpl_create();
+    s = create();
     if (!s) {
         if (log) log(environment, fmi3Error, "logStatusError", "no memory");
         return NULL;
@@ -72,7 +107,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(
 
 void fmi3FreeInstance(fmi3Instance instance)
 {
-    smpl_destroy(S);
+    destroy(S);
 }
 
 /* Whether a function may be called in the present mode. */

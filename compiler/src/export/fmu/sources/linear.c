@@ -3,68 +3,49 @@
 #include "linear.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* The diagonal is taken as the pivot unless it is smaller than this part of the largest entry. */
 #define DIAGONAL 0.1
 
-int smpl_lu_create(smpl_lu *lu, int n, const int *columns, const int *rows, const int *order)
+/* A part of the block for so many integers. */
+static int *integers(double *block, size_t *used, size_t length)
 {
-    const size_t size = (size_t)(n > 0 ? n : 1), room = 4 * ((size_t)columns[n] + size);
-    int *numbers = malloc((2 * (size + 1) + 5 * size) * sizeof(int));
-    memset(lu, 0, sizeof *lu);
+    int *part = block ? (int *)(block + *used) : NULL;
+    *used += (length * sizeof(int) + sizeof(double) - 1) / sizeof(double);
+    return part;
+}
+
+static double *numbers(double *block, size_t *used, size_t length)
+{
+    double *part = block ? block + *used : NULL;
+    *used += length;
+    return part;
+}
+
+size_t smpl_lu_place(
+    smpl_lu *lu, int n, const int *columns, const int *rows, const int *order, size_t l_room, size_t u_room, double *block)
+{
+    const size_t size = (size_t)n;
+    size_t used = 0;
     lu->n = n;
     lu->columns = columns;
     lu->rows = rows;
     lu->order = order;
-    lu->l_room = lu->u_room = room;
-    lu->l_row = malloc(room * sizeof(int));
-    lu->u_row = malloc(room * sizeof(int));
-    lu->l = malloc(room * sizeof(double));
-    lu->u = malloc(room * sizeof(double));
-    lu->x = malloc(size * sizeof(double));
-    lu->l_start = numbers;
-    if (!numbers || !lu->l_row || !lu->u_row || !lu->l || !lu->u || !lu->x) {
-        smpl_lu_destroy(lu);
-        return 0;
-    }
-    lu->u_start = numbers + size + 1;
-    lu->position = lu->u_start + size + 1;
-    lu->found = lu->position + size;
-    lu->stack = lu->found + size;
-    lu->next = lu->stack + size;
-    lu->mark = lu->next + size;
-    memset(lu->mark, 0, size * sizeof(int));
-    return 1;
-}
-
-void smpl_lu_destroy(smpl_lu *lu)
-{
-    free(lu->l_start);
-    free(lu->l_row);
-    free(lu->u_row);
-    free(lu->l);
-    free(lu->u);
-    free(lu->x);
-    memset(lu, 0, sizeof *lu);
-}
-
-/* Room for one more column of a factor. */
-static int grow(int **rows, double **values, size_t *room, size_t used, int n)
-{
-    int *more_rows;
-    double *more_values;
-    const size_t wanted = 2 * (*room + (size_t)n);
-    if (used + (size_t)n <= *room) return 1;
-    more_rows = realloc(*rows, wanted * sizeof(int));
-    if (!more_rows) return 0;
-    *rows = more_rows;
-    more_values = realloc(*values, wanted * sizeof(double));
-    if (!more_values) return 0;
-    *values = more_values;
-    *room = wanted;
-    return 1;
+    lu->pass = 0;
+    lu->mark = integers(block, &used, size);
+    lu->l_start = integers(block, &used, size + 1);
+    lu->u_start = integers(block, &used, size + 1);
+    lu->position = integers(block, &used, size);
+    lu->found = integers(block, &used, size);
+    lu->stack = integers(block, &used, size);
+    lu->next = integers(block, &used, size);
+    lu->l_row = integers(block, &used, l_room);
+    lu->u_row = integers(block, &used, u_room);
+    lu->l = numbers(block, &used, l_room);
+    lu->u = numbers(block, &used, u_room);
+    lu->x = numbers(block, &used, size);
+    return used;
 }
 
 /* Rows that a row leads to in the graph of L, before those that lead to them; fills `found` from `top` down. */
@@ -128,8 +109,6 @@ int smpl_lu_factorise(smpl_lu *lu, const double *values)
         const int column = lu->order[k];
         int top, pivot = -1;
         double largest = 0.0, diagonal;
-        if (!grow(&lu->l_row, &lu->l, &lu->l_room, (size_t)ls, lu->n)) return -1;
-        if (!grow(&lu->u_row, &lu->u, &lu->u_room, (size_t)us, lu->n)) return -1;
         lu->l_start[k] = ls;
         lu->u_start[k] = us;
         top = column_of(lu, column, values);

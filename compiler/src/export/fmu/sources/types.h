@@ -34,10 +34,13 @@ typedef struct {
     int parameter, in_p, at;
 } smpl_given;
 
+/* What an event does. */
+typedef enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS, SMPL_SUCCEEDS } smpl_action;
+
 /* The condition of an event. */
 typedef struct {
     const char *name;
-    enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS, SMPL_SUCCEEDS } kind;
+    smpl_action kind;
     int program, strict;
 } smpl_root;
 
