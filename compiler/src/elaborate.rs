@@ -67,7 +67,7 @@ use symbols::SymbolKind;
 pub use built_ins::{built_in_names, is_built_in};
 pub(crate) use check::derivative::show_derivatives;
 pub(crate) use check::lints::unused_parameters;
-pub(crate) use episode::ordered_initial;
+pub(crate) use episode::{DISCRETES, STATES, ordered_initial};
 pub use episode::{block_entries, is_entry_setting, refused_by_solver, solver_setting};
 pub use equation::{Equation, EquationForm};
 pub use lower::builtins::{BUILTINS, Builtin};

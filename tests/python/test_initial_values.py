@@ -52,6 +52,44 @@ def test_initial_values_follow_the_solution(options):
     np.testing.assert_allclose(observation, [z, z], rtol=1e-6)
 
 
+CHAIN = [
+    "discrete a : 1 = q + y in 0..100",
+    "discrete b : 1 = d[1] + 1 in 0..100",
+    "discrete d[i in k] : 1 = if i == 3 then 5 else d[i+1] + 1 in 0..100",
+    "discrete e : 1 = part.f in 0..100",
+    "use Part as part",
+]
+
+
+@pytest.mark.parametrize("turn", range(len(CHAIN)))
+@pytest.mark.parametrize("backwards", [False, True])
+def test_discrete_variables_begin_with_the_values_of_each_other_in_any_order_of_the_text(turn, backwards):
+    """d = 7, 6, 5; b = 8; q^3 + q = 2 b; y = b + 1; a = q + y; e = f = a."""
+    chain = CHAIN[turn:] + CHAIN[:turn]
+    text = "\n".join(reversed(chain) if backwards else chain)
+    model = smpl.compile(
+        source=f"""set k = 1..3
+        component Part {{
+          var input : 1 = 0
+          discrete f : 1 = input in 0..100
+        }}
+        {text}
+        eq part.input = if b >= 8 then a else 0
+        var q = 1
+        eq q^3 + q = 2*b
+        let y = b + 1
+        state s = e
+        eq d/dt s = -s / 1 [s]
+        observe a, b, d, e, s in 0..100
+        episode {{ step = 1 [s], max_steps = 2 }}
+        """
+    )
+    env = smpl.Env(model, normalize=False)
+    observation, _ = env.reset(seed=0)
+    a = root(16) + 9
+    assert observation == pytest.approx([a, 8, 7, 6, 5, a, a], rel=1e-8)
+
+
 @pytest.mark.parametrize("whole", ["initial x = 2", "initial x ~ uniform(1, 2)", "initial x[i] = 2 for i in s", ""])
 @pytest.mark.parametrize("single", ["initial x[a] = 5", "initial x[a] ~ uniform(4, 5)", ""])
 def test_what_a_scenario_draws_holds_against_all_of_the_text(whole, single, tmp_path):

@@ -35,7 +35,7 @@ mod unknown;
 pub(in crate::elaborate) use common::each;
 pub use entries::{block_entries, is_entry_setting, refused_by_solver, solver_setting};
 pub(in crate::elaborate) use observations::check_level;
-pub(crate) use order::ordered_initial;
+pub(crate) use order::{DISCRETES, STATES, ordered_initial};
 
 use crate::elaborate::lower::Lowering;
 use crate::elaborate::space::grids;

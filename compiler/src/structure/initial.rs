@@ -2,7 +2,7 @@
 
 use smpl_dsl::diagnostic::{Diagnostic, codes};
 
-use crate::elaborate::ordered_initial;
+use crate::elaborate::{DISCRETES, STATES, ordered_initial};
 use crate::ir::{FastMap, FastSet, Flavour, Place, Role, VarId};
 use crate::model::Model;
 
@@ -12,9 +12,12 @@ use crate::model::Model;
 /// # Errors
 /// Initial values that need each other, through algebraic variables that are solved for too.
 pub(crate) fn order(model: &mut Model) -> Result<(), Vec<Diagnostic>> {
-    let nests = std::mem::take(&mut model.programs.initial_states.nests);
-    let (nests, mut faults) = ordered_initial(nests, &model.exprs, &model.vars);
-    model.programs.initial_states.nests = nests;
+    let mut faults = Vec::new();
+    for (program, roles) in [(&mut model.programs.initial_states, STATES), (&mut model.programs.initial_discretes, DISCRETES)] {
+        let (nests, cycles) = ordered_initial(std::mem::take(&mut program.nests), &model.exprs, &model.vars, roles);
+        program.nests = nests;
+        faults.extend(cycles);
+    }
     faults.extend(circular(model));
     faults.extend(coupled_rates(model));
     if faults.is_empty() { Ok(()) } else { Err(faults) }

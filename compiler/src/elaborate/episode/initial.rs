@@ -8,7 +8,7 @@ use smpl_dsl::syntax::{self, Clip, Expr, ExprKind, Ident, Statement, StatementKi
 
 use crate::elaborate::episode::assembly::Assembly;
 use crate::elaborate::episode::common::{Given, each, shown, store, stream_name, two_values};
-use crate::elaborate::episode::order::ordered_initial;
+use crate::elaborate::episode::order::{STATES, ordered_initial};
 use crate::elaborate::episode::parameters::clipped;
 use crate::elaborate::episode::phases::schedule_initial;
 use crate::elaborate::lower::loops::Piece;
@@ -298,7 +298,7 @@ pub(in crate::elaborate) fn initial_programs<'a>(l: &mut Lowering<'_, 'a>, block
     drawn_starts(l, blocks, &mut starts);
     stated_starts(l, blocks, &mut starts);
     asked_starts(l, &mut starts);
-    let (nests, cycles) = ordered_initial(starts.states.nests, l.exprs, &l.symbols.vars);
+    let (nests, cycles) = ordered_initial(starts.states.nests, l.exprs, &l.symbols.vars, STATES);
     cycles.into_iter().for_each(|d| l.ledger.report(d));
     (Program { nests, in_place: true }, Program { nests: starts.discretes.nests, in_place: true })
 }

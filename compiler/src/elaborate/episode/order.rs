@@ -103,15 +103,25 @@ impl Writers {
     }
 }
 
-/// Nests of initial values so that each follows those whose results it reads; scalars that read
-/// nothing stay together, first. And those that need each other.
-pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>) -> (Vec<Nest>, Vec<Diagnostic>) {
-    let states_read = |e: ExprId| states_read(exprs, vars, e);
+/// States, and algebraic variables, which are written if they were declared as states.
+pub(crate) const STATES: &[Role] = &[Role::State, Role::Algebraic];
+/// Roles of the values that begin together with discrete variables.
+pub(crate) const DISCRETES: &[Role] = &[Role::Discrete, Role::Disturbance];
+
+/// Nests of initial values of some roles so that each follows those whose results it reads; scalars
+/// that read nothing stay together, first. And those that need each other.
+pub(crate) fn ordered_initial(
+    nests: Vec<Nest>,
+    exprs: &Exprs,
+    vars: &PrimaryMap<VarId, Variable>,
+    roles: &[Role],
+) -> (Vec<Nest>, Vec<Diagnostic>) {
+    let read_in = |e: ExprId| elements_read(exprs, vars, roles, e);
     let mut list = Vec::with_capacity(nests.len());
     for mut nest in nests {
         if nest.loops.is_empty() && nest.stores.len() > 1 {
             let (dependent, free): (Vec<Store>, Vec<Store>) =
-                std::mem::take(&mut nest.stores).into_iter().partition(|s| !states_read(s.value).is_empty());
+                std::mem::take(&mut nest.stores).into_iter().partition(|s| !read_in(s.value).is_empty());
             nest.stores = free;
             list.push(nest);
             list.extend(dependent.into_iter().map(|s| Nest { loops: Vec::new(), stores: vec![s] }));
@@ -119,7 +129,7 @@ pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap
             list.push(nest);
         }
     }
-    let reads: Vec<Vec<Element>> = list.iter().map(|n| n.stores.iter().flat_map(|s| states_read(s.value)).collect()).collect();
+    let reads: Vec<Vec<Element>> = list.iter().map(|n| n.stores.iter().flat_map(|s| read_in(s.value)).collect()).collect();
     if reads.iter().all(Vec::is_empty) {
         return (list, Vec::new());
     }
@@ -137,11 +147,10 @@ pub(crate) fn ordered_initial(nests: Vec<Nest>, exprs: &Exprs, vars: &PrimaryMap
     (order.into_iter().filter_map(|i| slots[i].take()).collect(), faults)
 }
 
-/// States that an initial value reads.
-fn states_read(exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>, e: ExprId) -> Vec<Element> {
+/// Elements of variables of some roles that an initial value reads.
+fn elements_read(exprs: &Exprs, vars: &PrimaryMap<VarId, Variable>, roles: &[Role], e: ExprId) -> Vec<Element> {
     let read = |e: ExprId| match exprs.node(e) {
-        // An algebraic variable that is written is one that was declared as a state.
-        Expr::Load { var, flavour: Flavour::Value, at } if matches!(vars[var].role, Role::State | Role::Algebraic) => Some((var, at)),
+        Expr::Load { var, flavour: Flavour::Value, at } if roles.contains(&vars[var].role) => Some((var, at)),
         _ => None,
     };
     exprs.below([e]).filter_map(read).collect()
