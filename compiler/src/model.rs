@@ -22,7 +22,7 @@ pub use interface::{
     Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Unsteady,
     Variant, Variate,
 };
-pub use quantity::{Axis, Grid, Quantity};
+pub use quantity::{Axis, Grid, OutsideBounds, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};
 pub use test::{Expectation, Test, TestStep};
 

@@ -253,7 +253,7 @@ class Model(Equations, Trajectories):
             >>> model = smpl.compile("reactor")
             >>> A, B, C, D = model.linearize(model.steady_state([26.85, 0.1]), [26.85, 0.1])
         """
-        given = self._within(self._given(p))
+        given = self._given(p)
         point = as_finite("y", y, len(self.unknown_names))
         model = self if pade is None or not self.delays else self.with_pade(pade)
         if model is not self:

@@ -11,8 +11,9 @@ use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::Variate;
-use smpl_runtime::catalogue::{Catalogue, check_parameters};
+use smpl_runtime::catalogue::Catalogue;
 use smpl_runtime::linearize::{self, Linearization};
+use smpl_runtime::parameters::{self, ParameterError};
 use smpl_runtime::solver::System;
 use smpl_runtime::steady::{self, Held, SteadyError};
 use smpl_runtime::system::CompiledSystem;
@@ -202,8 +203,12 @@ impl Equations {
         self.nominal.reads_other_instants()
     }
 
-    /// Linearisation at a point.
+    /// Linearisation at a point, where given discrete variables and disturbances are within bounds.
     pub fn linearize(&mut self, y: &[f64], u: &[f64], given: &Given) -> PyResult<Linearization> {
+        for &(role, element, value) in given.iter().filter(|(role, ..)| *role != Role::Parameter) {
+            let found = role.family(&self.catalogue).elements().get(element);
+            found.map_or(Ok(()), |found| found.check_bounds(value)).map_err(|e| PyValueError::new_err(format!("p: {e}")))?;
+        }
         self.prepare(0.0, y, None, u, given)?;
         linearize::linearize(&mut self.work, &self.catalogue, 0.0, &self.y).map_err(|e| SimulationError::new_err(e.to_string()))
     }
@@ -255,8 +260,7 @@ impl Equations {
         let parameters = self.places(Role::Parameter, given)?;
         if !parameters.is_empty() {
             set_parameters(&mut self.work, parameters.into_iter());
-            let checked = check_parameters(&self.catalogue.parameters, self.work.region(Region::Param));
-            checked.map_err(|e| PyValueError::new_err(e.to_string()))?;
+            parameters::check_computed(&self.catalogue.parameters, &self.work).map_err(refused)?;
         }
         let (discretes, disturbances) = (&self.catalogue.discretes, &self.catalogue.disturbances);
         if discretes.is_empty() && disturbances.is_empty() {
@@ -279,13 +283,8 @@ impl Equations {
     fn places(&self, role: Role, given: &Given) -> PyResult<Vec<(usize, f64)>> {
         let mine = given.iter().filter(|(of, _, _)| *of == role);
         mine.map(|&(_, element, value)| match role.family(&self.catalogue).elements().get(element) {
-            Some(found) => {
-                found.check(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
-                if role == Role::Parameter {
-                    found.check_bounds(value).map_err(|e| PyValueError::new_err(e.to_string()))?;
-                }
-                Ok((found.at, value))
-            }
+            Some(found) if role == Role::Parameter => parameters::check(found, value).map(|()| (found.at, value)).map_err(refused),
+            Some(found) => Ok((found.at, value)),
             None => Err(PyValueError::new_err(format!("there is no {} number {element}", role.name()))),
         })
         .collect()
@@ -320,6 +319,10 @@ fn set_parameters(system: &mut CompiledSystem, given: impl Iterator<Item = (usiz
     let (model, memory) = system.parts();
     model.parameters(memory);
     model.prepare_parameters(memory);
+}
+
+fn refused(error: ParameterError) -> PyErr {
+    PyValueError::new_err(error.to_string())
 }
 
 fn steady_error(error: &SteadyError) -> PyErr {

@@ -123,9 +123,7 @@ pub fn step_error(error: &StepError) -> PyErr {
 /// The exception of an environment that cannot be made.
 pub fn setup_error(error: &SetupError) -> PyErr {
     match error {
-        SetupError::UnknownName(_) | SetupError::Structural(_) | SetupError::OutsideBounds(_) | SetupError::Value { .. } => {
-            ScenarioError::new_err(error.to_string())
-        }
+        SetupError::UnknownName(_) | SetupError::Parameter(_) | SetupError::Value { .. } => ScenarioError::new_err(error.to_string()),
         SetupError::Method { .. } => PyValueError::new_err(error.to_string()),
         _ => SimulationError::new_err(error.to_string()),
     }

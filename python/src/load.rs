@@ -69,7 +69,7 @@ fn load_error(py: Python<'_>, model: &Path, error: &LoadError) -> PyErr {
             ErrorKind::PermissionDenied => PyPermissionError::new_err(error.to_string()),
             _ => compile_error(py, vec![Diagnostic::of_file(&path.display().to_string(), &error.to_string())]),
         },
-        LoadError::Read { .. } | LoadError::Setting { .. } => ScenarioError::new_err(error.to_string()),
+        LoadError::Read { .. } | LoadError::Setting { .. } | LoadError::Parameter(_) => ScenarioError::new_err(error.to_string()),
         LoadError::Artefact { .. } => SimulationError::new_err(error.to_string()),
         LoadError::Diagnostics { sources, diagnostics } => {
             let first = diagnostics.iter().find(|d| d.is_error());

@@ -13,6 +13,7 @@ use smpl_compiler::export::{ExportError, Target};
 use smpl_compiler::model::{Instant, Port, PortMember, Variate};
 use smpl_dsl::span::FileId;
 use smpl_runtime::catalogue::{self, Catalogue, Element};
+use smpl_runtime::parameters;
 use smpl_runtime::rollout::Rollouts;
 use smpl_runtime::rules::Rules;
 use smpl_runtime::sensitivity::Sensitivities;
@@ -248,6 +249,16 @@ impl Model {
     fn elements_of(&self, parameter: &str) -> Vec<String> {
         let elements = catalogue::elements_of(&self.loaded.model, &self.catalogue().parameters, parameter);
         elements.iter().map(|element| element.name.clone()).collect()
+    }
+
+    /// Elements of parameters that names determine, an element over its array: name of the element,
+    /// number of the name, and place in the array of that name.
+    fn determined(&self, names: Vec<String>) -> PyResult<Vec<(String, usize, usize)>> {
+        let known = &self.catalogue().parameters;
+        let names: Vec<_> = names.iter().map(|name| (0, name.as_str())).collect();
+        let found = parameters::determined(&self.loaded.model, known, &names);
+        let found = found.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(found.into_iter().map(|(at, (name, place))| (known.elements()[at].name.clone(), name, place)).collect())
     }
 
     /// Units of a role.

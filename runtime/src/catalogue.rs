@@ -4,10 +4,11 @@
 //! the elements of one role in the order of the outside and finds them by name.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::model::{Interface, Quantity};
+use smpl_compiler::model::{Interface, OutsideBounds, Quantity};
 use smpl_dsl::diagnostic::suggest;
 
 /// One number of a model.
@@ -102,68 +103,16 @@ impl Family {
     }
 }
 
-/// A parameter that gave the model sizes or indices when it was compiled is given another value.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{name}` shapes the model, compiled with {value}: give another value where the model is compiled, among its settings")]
-pub struct StructuralParameter {
-    /// Its name.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-}
-
-/// A parameter is given a value outside of its bounds.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("parameter `{name}` = {value} is outside its bounds {low}..{high}{unit}{advice}")]
-pub struct OutsideBounds {
-    /// Its name.
-    pub name: String,
-    /// The value.
-    pub value: f64,
-    /// Lower bound.
-    pub low: f64,
-    /// Upper bound.
-    pub high: f64,
-    /// Unit, after a blank; empty without a unit.
-    pub unit: String,
-    /// Correction for a missing value; otherwise empty.
-    pub advice: &'static str,
-}
-
 impl Element {
-    /// Checks that a parameter may have a value.
+    /// Checks that a value is within the bounds; a state that never falls below zero is at least
+    /// zero.
     ///
     /// # Errors
-    /// [`StructuralParameter`] if the model is compiled for another one.
-    pub fn check(&self, value: f64) -> Result<(), StructuralParameter> {
-        if self.structural && value != self.default {
-            return Err(StructuralParameter { name: self.name.clone(), value: self.default });
-        }
-        Ok(())
-    }
-
-    /// Checks that a value of a parameter lies within the bounds.
-    ///
-    /// # Errors
-    /// [`OutsideBounds`] if it does not.
+    /// [`OutsideBounds`] if it is not.
     pub fn check_bounds(&self, value: f64) -> Result<(), OutsideBounds> {
-        if Quantity::admits(self.low, self.high, value) {
-            return Ok(());
-        }
-        let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
-        Err(OutsideBounds { name: self.name.clone(), value, low: self.low, high: self.high, unit, advice: "" })
+        let low = if self.nonnegative { self.low.max(0.0) } else { self.low };
+        OutsideBounds::check(|| self.name.clone(), value, (low, self.high), &self.unit)
     }
-}
-
-/// Checks the values of all parameters, those that were drawn or computed too.
-///
-/// # Errors
-/// [`OutsideBounds`] for the first that is outside.
-pub fn check_parameters(parameters: &Family, values: &[f64]) -> Result<(), OutsideBounds> {
-    const ADVICE: &str = "; it was computed or drawn (`clip bounds` after a distribution keeps what is drawn inside)";
-    let bounded = parameters.elements().iter().filter(|e| e.low.is_finite() || e.high.is_finite());
-    let mut checked = bounded.map(|element| element.check_bounds(values[element.at]));
-    checked.find_map(Result::err).map_or(Ok(()), |fault| Err(OutsideBounds { advice: ADVICE, ..fault }))
 }
 
 /// A name that the model does not have.
@@ -256,23 +205,29 @@ pub fn parameters(model: &CompiledModel) -> Family {
     region(model, &model.interface().quantities.parameters)
 }
 
-/// The elements of a parameter: of a whole array by its name, or one of them; none where there is
-/// no such parameter.
+/// Positions of the elements of a parameter: of a whole array by its name, or of one of them.
 #[must_use]
-pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str) -> &'f [Element] {
+pub fn positions_of(model: &CompiledModel, parameters: &Family, name: &str) -> Option<Range<usize>> {
     // `c[water, 3]` is as good as `c[water,3]`.
-    let name = &name.replace(' ', "");
-    if let Some(at) = parameters.position(name) {
-        return &parameters.elements()[at..=at];
+    let name = name.replace(' ', "");
+    if let Some(at) = parameters.position(&name) {
+        return Some(at..at + 1);
     }
     let mut first = 0;
     for quantity in &model.interface().quantities.parameters {
-        if quantity.name == *name {
-            return &parameters.elements()[first..first + quantity.len()];
+        if quantity.name == name {
+            return Some(first..first + quantity.len());
         }
         first += quantity.len();
     }
-    &[]
+    None
+}
+
+/// The elements of a parameter: of a whole array by its name, or one of them; empty without such a
+/// parameter.
+#[must_use]
+pub fn elements_of<'f>(model: &CompiledModel, parameters: &'f Family, name: &str) -> &'f [Element] {
+    positions_of(model, parameters, name).map_or(&[], |positions| &parameters.elements()[positions])
 }
 
 /// The disturbances alone, places in their region.

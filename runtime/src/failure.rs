@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use smpl_compiler::compiled::CompiledModel;
 use smpl_compiler::ir::{Affine, MAX_DEPTH};
-use smpl_compiler::model::{BoxItem, Interface, Quantity, Row};
+use smpl_compiler::model::{BoxItem, Interface, Row};
 use smpl_dsl::diagnostic::SourceMap;
 
-use crate::catalogue::{Catalogue, Element};
+use crate::catalogue::Catalogue;
 
 /// Identifier of the failure of an action outside its box.
 pub(crate) const ACTION_BOX: &str = "action_box";
@@ -335,14 +335,6 @@ pub(crate) fn describe_item(item: &BoxItem, value: f64) -> Option<String> {
 #[must_use]
 pub fn unit_suffix(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") }
-}
-
-/// Message of a value outside the bounds of its quantity: `h = 5 m is outside its bounds 0..1 m`.
-pub fn beyond(element: &Element, value: f64) -> Option<String> {
-    let unit = unit_suffix(&element.unit);
-    let (low, high) = (element.low, element.high);
-    let outside = !Quantity::admits(low, high, value);
-    outside.then(|| format!("{} = {}{unit} is outside its bounds {}..{}{unit}", element.name, Short(value), Short(low), Short(high)))
 }
 
 /// Slack of a box: a value may exceed a bound by this part of the range.

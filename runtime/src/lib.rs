@@ -5,7 +5,8 @@
 //! sequences from given states; [`sensitivity`] differentiates steps. [`steady`], [`linearize`] and
 //! [`spectrum`] find and describe points of rest; [`start`] solves for the start of an episode.
 //! [`trajectory`] reads and writes tables, [`files`] writes anything; [`load`] goes from a file to
-//! a model ready to run; [`interrupt`] stops long computations.
+//! a model ready to run; [`parameters`] resolves given values; [`interrupt`] stops long
+//! computations.
 //!
 //! What all instances share is a [`setup::Setup`]; what changes is an [`environment::Environment`].
 
@@ -23,6 +24,7 @@ pub mod linearize;
 pub mod load;
 mod newton;
 pub mod observe;
+pub mod parameters;
 pub mod past;
 pub mod pool;
 pub mod random;

@@ -129,6 +129,9 @@ pub enum LoadError {
         /// Error and correction.
         message: String,
     },
+    /// A value that a parameter cannot have.
+    #[error(transparent)]
+    Parameter(#[from] crate::parameters::ParameterError),
     /// A compiled model that cannot be used.
     #[error("{}: {message}", path.display())]
     Artefact {

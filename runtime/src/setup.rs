@@ -20,7 +20,8 @@ use self::reads::{
     algebraics_read_rates, any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, step_reads_steady,
 };
 pub use self::starts::start_diagnostics;
-use crate::catalogue::{Catalogue, Element, OutsideBounds, StructuralParameter, UnknownName, check_parameters};
+use crate::catalogue::{Catalogue, Element, UnknownName};
+use crate::parameters::{self, ParameterError};
 use crate::random;
 use crate::solver::{Integrator, Method, PatternError, Quadratures, Settings, SolveError, integrator};
 use crate::start::{Conflict, Freed};
@@ -33,12 +34,9 @@ pub enum SetupError {
     /// A name that the model does not have.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
-    /// A parameter for which the model is compiled.
+    /// A value that a parameter cannot have.
     #[error(transparent)]
-    Structural(#[from] StructuralParameter),
-    /// A parameter outside of its bounds.
-    #[error(transparent)]
-    OutsideBounds(#[from] OutsideBounds),
+    Parameter(#[from] ParameterError),
     /// A value that is not finite.
     #[error("{what} must be {expected}, not {value}")]
     Value {
@@ -160,6 +158,8 @@ pub struct Setup {
     pub freed: Freed,
     /// Made when it is first asked for.
     checksum: OnceLock<Result<[u8; 32], String>>,
+    /// Places and values of the parameters of the options.
+    pub(crate) given: Vec<(usize, f64)>,
 }
 
 impl Setup {
@@ -257,6 +257,7 @@ impl Setup {
             noise,
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             checksum: OnceLock::new(),
+            given: Vec::new(),
             steady: Steady { needed: needs_steady, by_step: step_reads_steady(&model), missing: None },
             catalogue,
             options,
@@ -352,10 +353,10 @@ impl Setup {
     /// Parameters at their means with the given ones in place, and their steady state.
     fn prepare_nominal(&mut self, needs_steady: bool) -> Result<(), SetupError> {
         let draws = self.draws.clone();
-        let given = self.given_parameters::<SetupError>(self.options.parameters.iter().map(|(n, v)| (n.as_str(), *v)))?;
+        self.given = self.resolve(&self.options.parameters)?;
         fill_means(&mut self.system, &draws);
-        set_parameters(&mut self.system, &given);
-        check_parameters(&self.catalogue.parameters, self.system.region(Region::Param))?;
+        set_parameters(&mut self.system, &self.given);
+        parameters::check_computed(&self.catalogue.parameters, &self.system)?;
         if self.model().interface().steady.is_some() {
             let guess = steady::guess(&self.system, &self.catalogue);
             let before = self.system.clone();
@@ -371,18 +372,10 @@ impl Setup {
         Ok(())
     }
 
-    /// Places and values of named parameters.
-    pub(crate) fn given_parameters<'a, E: From<UnknownName> + From<StructuralParameter> + From<OutsideBounds>>(
-        &self,
-        named: impl Iterator<Item = (&'a str, f64)>,
-    ) -> Result<Vec<(usize, f64)>, E> {
-        let place = |(name, value)| {
-            let element = self.catalogue.parameters.get(name, "parameter")?;
-            element.check(value)?;
-            element.check_bounds(value)?;
-            Ok((element.at, value))
-        };
-        named.map(place).collect()
+    /// Places and values of parameters that are given by name.
+    pub(crate) fn resolve(&self, values: &BTreeMap<String, f64>) -> Result<Vec<(usize, f64)>, ParameterError> {
+        let resolved = parameters::resolve(self.model(), &self.catalogue.parameters, &parameters::by_name(values))?;
+        Ok(resolved.into_iter().map(|(element, value)| (element.at, value)).collect())
     }
 }
 

@@ -721,7 +721,7 @@ def test_a_controller_may_have_an_action_alone(tmp_path):
         ({"randomize": {"U": (2, 1)}}, r"randomize\['U'\]"),
         (
             {"randomize": {"spread": (0, 2)}},
-            r"randomize\['spread'\] is 0 to 2, outside of the bounds of spread, 0 to 1",
+            r"randomize\['spread'\] is 0 to 2, outside the bounds of spread, 0 to 1",
         ),
         ({"noise": -1.0}, "noise is -1"),
         ({"weights": [1, 2]}, "weights is"),

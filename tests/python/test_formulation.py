@@ -56,7 +56,7 @@ def test_an_array_of_actions_is_named_by_one_name():
 
 def test_a_curriculum_outside_of_the_bounds_is_refused_before_it_begins():
     stages = {"spread": [(0.0, 0.05, 0.05), (1.0, 0.3, 1.2)]}
-    with pytest.raises(ValueError, match=r"a stage of curriculum\['spread'\] is 0.3 to 1.2, outside of the bounds"):
+    with pytest.raises(ValueError, match=r"a stage of curriculum\['spread'\] is 0.3 to 1.2, outside the bounds"):
         FormulatedVectorEnv("reactor", 2, curriculum=stages, autoreset_mode="same_step")
 
 

@@ -92,6 +92,33 @@ def test_ranges_of_parameters_hold_at_resets_and_in_equations(parameters):
         env.model.rhs(0.0, [10.0], [1.0], parameters)
 
 
+def test_an_element_overrides_its_array_whatever_is_given_first():
+    model = smpl.compile(source=MODEL, settings={"gain": 1.0})
+    expected = [closed_form(0.5), closed_form(0.25)]
+    for given in (
+        {"fault[1]": [0.0, 0.5], "fault": [0.5, 0.0, 0.0]},
+        {"fault": [0.5, 0.0, 0.0], "fault[1]": [0.0, 0.5]},
+    ):
+        rollout = model.rollout([[10.0]] * 2, np.ones((5, 1)), parameters=given, disturbances=STILL)
+        np.testing.assert_allclose(rollout.states[:, -1, 0], expected, rtol=1e-4)
+        assert model.rhs(0.0, [10.0], [1.0], {"fault[1]": 0.5, "fault": 0.0}) == pytest.approx([1 - 10 * 0.25])
+
+
+@pytest.mark.parametrize("given", [{"k": 5.0}, {"fault[2]": 2.0}, {"fault": [0.0, 0.0, -1.0]}])
+def test_one_wording_refuses_values_outside_bounds(given):
+    messages = []
+    for call in (
+        lambda: smpl.compile(source=MODEL, settings=given),
+        lambda: make().reset(options={"parameters": given}),
+        lambda: make().model.rhs(0.0, [10.0], [1.0], given),
+        lambda: make().model.rollout([10.0], np.ones((1, 1)), parameters=given),
+    ):
+        with pytest.raises(ValueError) as failed:
+            call()
+        messages.append(re.search(r"`.*` = .* is outside its bounds \S+( 1/min)?", str(failed.value)).group())
+    assert len(set(messages)) == 1, messages
+
+
 @pytest.mark.parametrize("parameters", [{"fault": [0, 1]}, {"fault[4]": 1.0}, {"faults": 1.0}, {"fault": "x"}])
 def test_parameters_that_there_are_not_are_refused(parameters):
     with pytest.raises(ValueError):

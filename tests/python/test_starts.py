@@ -181,7 +181,7 @@ def test_a_failed_start_is_data():
 
 def test_a_solution_outside_of_the_bounds_is_reported():
     source = FAILED.replace("eq z*z + w = -x", "eq z + w = -x")
-    with pytest.raises(smpl.SimulationError, match=r"a solution has z = -1\.5, outside of its bounds 0\.\.5") as failed:
+    with pytest.raises(smpl.SimulationError, match=r"a solution has z = -1\.5, outside its bounds 0\.\.5") as failed:
         env(source).reset(seed=1)
     assert failed.value.start["other_solutions"][0] == pytest.approx([-1.5])
 

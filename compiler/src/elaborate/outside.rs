@@ -52,9 +52,8 @@ pub(in crate::elaborate) fn check_initial(l: &mut Lowering<'_, '_>) {
         let element = l.symbols.element_named(symbol, name);
         let Some(quantity) = l.quantities.get(&var) else { continue };
         let elements = element.map_or(0..quantity.len(), |at| at as usize..at as usize + 1);
-        let outside = elements.into_iter().find(|&i| !admits(quantity, i, x));
-        if let Some(message) = outside.map(|i| outside_bounds(quantity, i, x)) {
-            l.ledger.reports.scenario_fault(name, message, None);
+        if let Some(outside) = elements.into_iter().find_map(|i| quantity.check(i, x).err()) {
+            l.ledger.reports.scenario_fault(name, outside.to_string(), None);
         }
     }
 }
@@ -67,9 +66,8 @@ pub(in crate::elaborate) fn initial_elements(l: &Lowering<'_, '_>, symbol: Symbo
 /// A parameter has a value within its bounds, wherever that value comes from.
 pub(in crate::elaborate) fn check_range(l: &mut Lowering<'_, '_>, symbol: SymbolId, quantity: &Quantity) {
     let value = |i: usize| Quantity::pick(&quantity.default, i);
-    let outside = (0..quantity.len()).find(|&i| value(i).is_finite() && !admits(quantity, i, value(i)));
-    let Some(i) = outside else { return };
-    let message = outside_bounds(quantity, i, value(i));
+    let outside = |i| if f64::is_finite(value(i)) { Some((i, quantity.check(i, value(i)).err()?.to_string())) } else { None };
+    let Some((i, message)) = (0..quantity.len()).find_map(outside) else { return };
     let (scope, declared) = (l.symbols[symbol].scope, l.symbols[symbol].span);
     let SymbolKind::Variable { declaration, .. } = &l.symbols[symbol].kind else { return };
     // A value of a wrong unit is reported as such.
@@ -127,17 +125,6 @@ impl<'a> Symbols<'a> {
             _ => shown,
         }
     }
-}
-
-fn admits(quantity: &Quantity, i: usize, x: f64) -> bool {
-    Quantity::admits(quantity.least(i), Quantity::pick(&quantity.high, i), x)
-}
-
-/// `k = 5 is outside its bounds 0..2 1/min`.
-fn outside_bounds(quantity: &Quantity, i: usize, x: f64) -> String {
-    let (low, high) = (quantity.least(i), Quantity::pick(&quantity.high, i));
-    let unit = if quantity.unit == "1" { String::new() } else { format!(" {}", quantity.unit) };
-    format!("`{}` = {x} is outside its bounds {low}..{high}{unit}", quantity.element_name(i))
 }
 
 /// Available names, cut after some.

@@ -4,6 +4,36 @@ use serde::{Deserialize, Serialize};
 
 use crate::ir::VarId;
 
+/// A value outside the bounds of its variable.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{name}` = {value} is outside its bounds {low}..{high}{unit}")]
+pub struct OutsideBounds {
+    /// Flattened name of the variable.
+    pub name: String,
+    /// The value.
+    pub value: f64,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+    /// Unit, after a blank; empty without a unit.
+    pub unit: String,
+}
+
+impl OutsideBounds {
+    /// Checks that a value is within bounds, but for rounding.
+    ///
+    /// # Errors
+    /// The value with the name and the bounds if it is not.
+    pub fn check(name: impl FnOnce() -> String, value: f64, (low, high): (f64, f64), unit: &str) -> Result<(), Self> {
+        if Quantity::admits(low, high, value) {
+            return Ok(());
+        }
+        let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+        Err(Self { name: name(), value, low, high, unit })
+    }
+}
+
 /// A variable as seen from outside: scalar or array.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quantity {
@@ -108,6 +138,15 @@ impl Quantity {
         }
         labels.reverse();
         labels.join(",")
+    }
+
+    /// Checks that a number is within the bounds of an element.
+    ///
+    /// # Errors
+    /// [`OutsideBounds`] if it is not.
+    pub fn check(&self, element: usize, value: f64) -> Result<(), OutsideBounds> {
+        let bounds = (self.least(element), Self::pick(&self.high, element));
+        OutsideBounds::check(|| self.element_name(element), value, bounds, &self.unit)
     }
 
     /// Returns `true` if a number is within bounds, but for rounding.

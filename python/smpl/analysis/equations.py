@@ -192,12 +192,3 @@ class Equations(Named):
             (*self._replaceable[name], as_finite_number(f"p[{name!r}]", value))
             for name, value in (expanded | values).items()
         ]
-
-    def _within(self, given: list[tuple[str, int, float]]) -> list[tuple[str, int, float]]:
-        """Values of discrete variables and disturbances, refused out of bounds like parameters."""
-        for role, index, value in given:
-            low, high = (float(bound[index]) for bound in self.native.bounds(role))
-            if role != "parameter" and not low <= value <= high:
-                name = self.native.names(role)[index]
-                raise ValueError(f"p[{name!r}] is {value:g}, which is outside its bounds {low:g}..{high:g}")
-        return given

@@ -228,20 +228,20 @@ def _flattened(model: Model, given: Mapping[str, npt.ArrayLike], count: int) -> 
     """Parameters by flattened names, for all trajectories or with a row for each."""
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters must be a mapping from names to values, got {type(given).__name__}")
-    values: dict[str, npt.ArrayLike] = {}
+    columns: list[Sequence[npt.ArrayLike]] = []
     for name, value in given.items():
-        elements = model.native.elements_of(name) if isinstance(name, str) else []
-        if name in model.parameter_names or not elements:
+        size = len(model.native.elements_of(name)) if isinstance(name, str) else 0
+        if name in model.parameter_names or not size:
             check_names("parameters", [name], model.parameter_names)
-            values[name] = value
+            columns.append([value])
             continue
-        what, size = f"parameters[{name!r}]", len(elements)
+        what = f"parameters[{name!r}]"
         array = as_numbers(what, value, f"({size},) or ({count}, {size})")
         if array.ndim and array.shape not in ((size,), (count, size)):
             raise ValueError(f"{what} has shape {array.shape}, expected (), ({size},) or ({count}, {size})")
-        columns = np.broadcast_to(array, (count, size)) if array.ndim == 2 else np.broadcast_to(array, (1, size))
-        values.update({element: columns[:, i] for i, element in enumerate(elements)})
-    return values
+        columns.append(list(np.broadcast_to(array, (count if array.ndim == 2 else 1, size)).T))
+    determined = model.native.determined(list(given))
+    return {element: columns[at][place] for element, at, place in determined}
 
 
 def _each(argument: str, given: Mapping[str, npt.ArrayLike], count: int, horizon: int | None = None) -> Named:

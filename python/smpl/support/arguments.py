@@ -148,21 +148,20 @@ def expand_parameters(argument: str, model: Model, given: Mapping[str, Any]) -> 
     Raises:
         ValueError: an unknown name, or a wrong number of values.
     """
-    values: dict[str, float] = {}
-    # The value of a single element replaces that of its array, in any order.
-    for name in sorted(given, key=lambda name: (name in model.parameter_names, name)):
-        elements = model.native.elements_of(name) if isinstance(name, str) else []
-        if not elements:
+    numbers: list[FloatArray] = []
+    for name, value in given.items():
+        size = len(model.native.elements_of(name)) if isinstance(name, str) else 0
+        if not size:
             check_names(argument, [name], model.parameter_names)
         what = f"{argument}[{name!r}]"
-        if np.ndim(given[name]) == 0:
-            values.update(dict.fromkeys(elements, as_number(what, given[name])))
+        if np.ndim(value) == 0:
+            numbers.append(np.full(size, as_number(what, value)))
             continue
-        numbers = as_numbers(what, given[name], f"({len(elements)},)")
-        if numbers.shape != (len(elements),):
-            raise ValueError(f"{argument}: {name!r} has shape {numbers.shape}, expected ({len(elements)},)")
-        values.update(zip(elements, map(float, numbers), strict=True))
-    return values
+        numbers.append(as_numbers(what, value, f"({size},)"))
+        if numbers[-1].shape != (size,):
+            raise ValueError(f"{argument}: {name!r} has shape {numbers[-1].shape}, expected ({size},)")
+    determined = model.native.determined(list(given))
+    return {element: float(numbers[at][place]) for element, at, place in determined}
 
 
 def check_numbers(who: str, given: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
@@ -211,7 +210,7 @@ def check_within(what: str, ends: tuple[float, float], name: str, model: Model) 
     low, high = (float(bounds[place]) for bounds in model.native.bounds("parameter"))
     if not low <= ends[0] <= ends[1] <= high:
         given = f"{ends[0]:g}" if ends[0] == ends[1] else f"{ends[0]:g} to {ends[1]:g}"
-        raise ValueError(f"{what} is {given}, outside of the bounds of {name}, {low:g} to {high:g}")
+        raise ValueError(f"{what} is {given}, outside the bounds of {name}, {low:g} to {high:g}")
 
 
 def elements(argument: str, given: Iterable[str], known: Iterable[str]) -> dict[str, str]:

@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use smpl_compiler::ir::Builtin;
 use smpl_compiler::layout::{FramePart, Region};
+use smpl_compiler::model::OutsideBounds;
 
 use super::{Environment, History, Phase, Replay, finish};
-use crate::catalogue::{OutsideBounds, StructuralParameter, UnknownName, check_parameters};
-use crate::failure::{SolverFailure, beyond, describe_equation, describe_solver};
+use crate::catalogue::UnknownName;
+use crate::failure::{Short, SolverFailure, describe_equation, describe_solver};
 use crate::observe::variate;
+use crate::parameters::{self, ParameterError};
 use crate::past::PastError;
 use crate::random::{AT_RESET, EpisodeKey, Stream};
 use crate::setup::{fill_means, set_parameters};
@@ -64,7 +66,8 @@ pub struct ResetOptions {
     pub state: StateInput,
     /// Discrete variables by name.
     pub discrete: BTreeMap<String, f64>,
-    /// Parameters of this episode by name; they override draws.
+    /// Parameters of this episode by name; they override draws and the parameters of the setup. The
+    /// name of an array gives every element the value, apart from elements with their own.
     pub parameters: BTreeMap<String, f64>,
     /// Recorded disturbances by name, one value a step.
     pub disturbances: BTreeMap<String, Vec<f64>>,
@@ -93,12 +96,9 @@ pub enum ResetError {
     /// A name that the model does not have.
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
-    /// A parameter for which the model is compiled.
+    /// A value that a parameter cannot have.
     #[error(transparent)]
-    Structural(#[from] StructuralParameter),
-    /// A parameter outside of its bounds.
-    #[error(transparent)]
-    OutsideBounds(#[from] OutsideBounds),
+    Parameter(#[from] ParameterError),
     /// The state has the wrong length.
     #[error("state has {given} entries, expected {expected}")]
     Length {
@@ -178,10 +178,10 @@ impl Environment {
         self.system.restore(setup.system.memory().all());
         self.system.rest_past();
 
-        let given = self.given_parameters(options)?;
+        let given = [setup.given.as_slice(), &setup.resolve(&options.parameters)?].concat();
         self.draw(options.start);
         set_parameters(&mut self.system, &given);
-        check_parameters(&setup.catalogue.parameters, self.system.region(Region::Param))?;
+        parameters::check_computed(&setup.catalogue.parameters, &self.system)?;
         self.find_steady_state(options)?;
         self.set_replay(options)?;
         self.system.start_past();
@@ -201,12 +201,6 @@ impl Environment {
         self.progress.key = options.disturbance_seed.map_or(key, EpisodeKey::seeded);
         self.progress.phase = Phase::Running;
         Ok(())
-    }
-
-    fn given_parameters(&self, options: &ResetOptions) -> Result<Vec<(usize, f64)>, ResetError> {
-        finite(&options.parameters, "parameter")?;
-        let all = self.setup.options.parameters.iter().chain(&options.parameters);
-        self.setup.given_parameters(all.map(|(name, value)| (name.as_str(), *value)))
     }
 
     fn draw(&mut self, start: Start) {
@@ -570,8 +564,9 @@ impl Environment {
         let Some(at) = bounds.outside(&algebraic, &self.progress.y) else { return Ok(()) };
         let equation = describe_equation(at, setup.model(), &setup.catalogue, setup.sources());
         let element = setup.catalogue.solved.elements().iter().find(|element| element.at == at);
-        let Some(beyond) = element.and_then(|element| beyond(element, self.progress.y[at])) else { return Ok(()) };
-        let message = format!("{equation}, has no solution inside of the declared bounds that the search finds: {beyond}");
+        let Some(outside) = element.and_then(|element| element.check_bounds(self.progress.y[at]).err()) else { return Ok(()) };
+        let outside = OutsideBounds { value: Short(outside.value).to_string().parse().unwrap_or(outside.value), ..outside };
+        let message = format!("{equation}, has no solution inside of the declared bounds that the search finds: {outside}");
         self.solve_start(Sought::default(), &message)?;
         self.make_consistent()
     }

@@ -1,4 +1,4 @@
-//! Precedence of the values that scenario and call give to parameters and settings.
+//! Layers of the values that scenario and call give to parameters and settings.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,10 @@ use smpl_compiler::compiled::CompiledModel;
 
 use super::LoadError;
 use crate::catalogue;
+use crate::parameters::{GivenParameter, ParameterError, ParameterNumbers, resolve};
 use crate::scenario::Value;
 
-/// Values by name, in layers: a value of a later layer overrides the earlier ones, a whole array
-/// also those of its elements. In the same layer an element overrides its array.
+/// Values by name, in layers: a value of a later layer overrides the earlier ones.
 #[derive(Clone, Copy)]
 pub(super) struct Layers<'a>(pub &'a [&'a BTreeMap<String, Value>]);
 
@@ -21,29 +21,26 @@ impl<'a> Layers<'a> {
         layers.flat_map(|(number, layer)| layer.iter().map(move |(name, value)| (name.as_str(), (number, value)))).collect()
     }
 
-    /// The value of each parameter, element by element.
+    /// The value of each parameter, element by element; other names are those of settings.
     ///
     /// # Errors
-    /// A value that is not a number, or a list of another length than the array.
+    /// A value that the parameter cannot have.
     pub(super) fn parameters(self, model: &CompiledModel) -> Result<BTreeMap<String, f64>, LoadError> {
         let parameters = catalogue::parameters(model);
-        let mut given: Vec<_> = self.names().into_iter().map(|(name, (layer, value))| (layer, name, value)).collect();
-        let is_element = |name: &str| parameters.position(&name.replace(' ', "")).is_some();
-        given.sort_by_key(|&(layer, name, _)| (layer, is_element(name)));
-        let mut out = BTreeMap::new();
-        for (_, name, value) in given {
-            let elements = catalogue::elements_of(model, &parameters, name);
-            let wrong = |expected: String| LoadError::Setting { message: format!("parameter `{name}` must be {expected}, not `{value}`") };
-            match (elements, value) {
-                ([], _) => {}
-                (elements, Value::Number(x)) => out.extend(elements.iter().map(|e| (e.name.clone(), *x))),
-                (elements, Value::List(list)) if list.len() == elements.len() => {
-                    out.extend(elements.iter().zip(list).map(|(e, x)| (e.name.clone(), *x)));
+        let mut given = Vec::new();
+        for (name, (layer, value)) in self.names() {
+            let [element, ..] = catalogue::elements_of(model, &parameters, name) else { continue };
+            let numbers = match value {
+                Value::Number(x) => ParameterNumbers::Every(*x),
+                Value::List(list) => ParameterNumbers::Each(list),
+                Value::Flag(_) | Value::Text(_) => {
+                    let (expected, value) = (format!("a number (in {})", element.unit), value.to_string());
+                    return Err(ParameterError::Value { name: name.to_owned(), expected, value }.into());
                 }
-                (elements, Value::List(_)) => return Err(wrong(format!("a list of {}", elements.len()))),
-                ([element, ..], _) => return Err(wrong(format!("a number (in {})", element.unit))),
-            }
+            };
+            given.push(GivenParameter { layer, name, numbers });
         }
-        Ok(out)
+        let values = resolve(model, &parameters, &given)?;
+        Ok(values.into_iter().map(|(element, value)| (element.name.clone(), value)).collect())
     }
 }

@@ -11,7 +11,6 @@ use smpl_dsl::diagnostic::{Diagnostic, SourceMap, codes};
 use super::layers::Layers;
 use super::{LoadError, LoadOptions, Loaded};
 use crate::catalogue;
-use crate::failure::beyond;
 use crate::scenario::{Disturbances, Noise, Recorded, Scenario};
 use crate::setup::EnvironmentOptions;
 
@@ -90,8 +89,8 @@ fn names_of_scenario(scenario: &Scenario, model: &CompiledModel, sources: &Sourc
                 faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, place()).help(help));
             }
             let Some(element) = elements.find(name) else { continue };
-            if let Some(message) = recorded.values().iter().find_map(|value| beyond(element, *value)) {
-                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message, place()));
+            if let Some(message) = recorded.values().iter().find_map(|value| element.check_bounds(*value).err()) {
+                faults.push(Diagnostic::error(codes::BAD_SCENARIO, message.to_string(), place()));
             }
         }
     }

@@ -105,7 +105,7 @@ fn help(failure: &StartFailure, not_finite: bool, singular: Option<String>) -> S
             let unit = unit_suffix(&u.unit);
             let (name, low, high) = (&u.name, Short(u.low), Short(u.high));
             return format!(
-                "a solution has {name} = {}{unit}, outside of its bounds {low}..{high}{unit}: check the bounds, or the values that the equations read",
+                "a solution has {name} = {}{unit}, outside its bounds {low}..{high}{unit}: check the bounds, or the values that the equations read",
                 Short(*x)
             );
         }

@@ -184,7 +184,7 @@ fn unreachable(name: &str, condition: &Expr, interface: &Interface) -> Option<Di
     let threshold = written(number, &q.unit)?;
     let (low, high) = (q.low.first().copied()?, q.high.first().copied()?);
     let beyond = if rises { threshold > high } else { threshold < low };
-    let message = format!("the event `{name}` is outside of the bounds of `{}`, {low}..{high}", variable.text);
+    let message = format!("the event `{name}` is outside the bounds of `{}`, {low}..{high}", variable.text);
     let help = "move the threshold or the bounds: inside of them the event cannot happen";
     beyond.then(|| Diagnostic::warning(codes::UNREACHABLE_EVENT, message, condition.span).label("never inside of the bounds").help(help))
 }

@@ -88,8 +88,8 @@ const BOUNDED: &str = "model Bounded\ntime t : min\nset s = 1..2\nparam k = 1 in
 fn a_sweep_beyond_bounds_is_no_run_whatever_it_sweeps() {
     let model = file("sweep-bounds", "m.eq", BOUNDED);
     let cases = [
-        ("x=9,1", "initial value x = 9 m is outside its bounds 0..5 m", vec![true, false]),
-        ("q=1,2.5,-1", "initial value q = 2.5 is outside its bounds 0..2", vec![false, true, true]),
+        ("x=9,1", "initial value `x` = 9 is outside its bounds 0..5 m", vec![true, false]),
+        ("q=1,2.5,-1", "initial value `q` = 2.5 is outside its bounds 0..2", vec![false, true, true]),
         ("k=1,3", "parameter `k` = 3 is outside its bounds 0..2", vec![false, true]),
         ("c[1]=1,3", "parameter `c[1]` = 3 is outside its bounds 0..2", vec![false, true]),
         ("x=0,5", "", vec![false, false]),
@@ -127,7 +127,7 @@ fn a_disturbance_beyond_its_bounds_is_refused_in_a_scenario_and_warned_of_in_a_t
         let output = smpl(&["simulate", name(&model), "--scenario", name(&scenario)]);
         let shown = text(&output.stderr);
         assert!(
-            status(&output) == 1 && shown.contains("w = 1.5 m is outside its bounds -1..1 m") && shown.contains("s.yaml:3:3"),
+            status(&output) == 1 && shown.contains("`w` = 1.5 is outside its bounds -1..1 m") && shown.contains("s.yaml:3:3"),
             "{shown}"
         );
     }
@@ -137,7 +137,7 @@ fn a_disturbance_beyond_its_bounds_is_refused_in_a_scenario_and_warned_of_in_a_t
     let table = file("outside", "w.csv", "w\n0\n-1.5\n");
     let output = smpl(&["simulate", name(&model), "--disturbances", name(&table)]);
     let shown = text(&output.stderr);
-    assert!(status(&output) == 0 && shown.contains("w.csv: w = -1.5 m is outside its bounds -1..1 m"), "{shown}");
+    assert!(status(&output) == 0 && shown.contains("w.csv: `w` = -1.5 is outside its bounds -1..1 m"), "{shown}");
 }
 
 #[test]

@@ -127,12 +127,12 @@ fn start_values_outside_of_their_bounds_are_warned_of() {
     folder.file("i.csv", "T,\"c[1]\",d\n-3,2,7\n");
     let (status, shown) = folder.errors(&["simulate", "m.eq", "--init", "i.csv"]);
     assert_eq!(status, 0, "{shown}");
-    assert!(shown.contains("warning: i.csv: T = -3 K is outside its bounds 0..100 K"), "{shown}");
-    assert!(shown.contains("warning: i.csv: d = 7 is outside its bounds 0..5") && !shown.contains("c[1]"), "{shown}");
+    assert!(shown.contains("warning: i.csv: `T` = -3 is outside its bounds 0..100 K"), "{shown}");
+    assert!(shown.contains("warning: i.csv: `d` = 7 is outside its bounds 0..5") && !shown.contains("c[1]"), "{shown}");
     let (status, shown) = folder.errors(&["steady", "m.eq", "--fix", "T=101", "--fix", "c[1]=8", "--action", "F=3"]);
     assert_eq!(status, 0, "{shown}");
-    assert!(shown.contains("warning: --fix: T = 101 K is outside") && !shown.contains("c[1]"), "{shown}");
-    assert!(shown.contains("warning: --action: F = 3 K/min is outside its bounds 0..2 K/min"), "{shown}");
+    assert!(shown.contains("warning: --fix: `T` = 101 is outside") && !shown.contains("c[1]"), "{shown}");
+    assert!(shown.contains("warning: --action: `F` = 3 is outside its bounds 0..2 K/min"), "{shown}");
 }
 
 /// z^3 = z has the roots -1, 0 and 1 whatever x is.

@@ -39,7 +39,7 @@ fn lint_starts(l: &mut Lowering<'_, '_>, nests: &[Nest]) {
         let outside = |i: &usize| start(*i).is_finite() && !Quantity::admits(bounds(*i).0, bounds(*i).1, start(*i));
         if let Some(i) = (0..q.len()).find(outside) {
             let (low, high) = bounds(i);
-            let message = format!("`{}` starts at {}, outside of its bounds {low}..{high}", q.element_name(i), start(i));
+            let message = format!("`{}` starts at {}, outside its bounds {low}..{high}", q.element_name(i), start(i));
             let declared = l.symbols.vars[var].span;
             let help = "change the initial value or the bounds";
             let warning = match initial_of(l, var) {

@@ -217,7 +217,7 @@ fn names_variable(l: &Lowering<'_, '_>, target: &Expr, scope: ScopeId) -> bool {
     }
 }
 
-/// Refuses a steady value that is not a number, or an action's outside of its bounds, as far as it
+/// Refuses a steady value that is not a number, or an action's outside its bounds, as far as it
 /// is known.
 fn check_steady_value(l: &mut Lowering<'_, '_>, var: VarId, elements: Range<i64>, value: ExprId, span: Span) {
     let Some(x) = defaults::constant_value(l, value) else { return };
@@ -228,7 +228,7 @@ fn check_steady_value(l: &mut Lowering<'_, '_>, var: VarId, elements: Range<i64>
         format!("a steady value is finite, this is {x}")
     } else if let Some(i) = elements.into_iter().find(|&i| is_action && outside(i)) {
         let (low, high) = (Quantity::pick(&q.low, i as usize), Quantity::pick(&q.high, i as usize));
-        format!("`{}` cannot rest at {x}, outside of its bounds {low}..{high}", q.element_name(i as usize))
+        format!("`{}` cannot rest at {x}, outside its bounds {low}..{high}", q.element_name(i as usize))
     } else {
         return;
     };

@@ -11,7 +11,6 @@ use smpl_dsl::span::Span;
 use super::excerpt::Excerpt;
 use smpl_runtime::catalogue::Element;
 use smpl_runtime::environment::{ResetError, StepError};
-use smpl_runtime::failure::beyond;
 use smpl_runtime::load::LoadError;
 use smpl_runtime::setup::SetupError;
 use smpl_runtime::trajectory::{DataError, WriteError};
@@ -91,12 +90,12 @@ pub(super) fn note(text: &str) {
 /// given.
 pub(super) fn warn_of_bounds<'e>(source: &str, given: impl Iterator<Item = (&'e Element, f64)>) {
     const SHOWN: usize = 8;
-    let outside: Vec<String> = given.filter_map(|(element, value)| beyond(element, value)).collect();
+    let outside: Vec<String> = given.filter_map(|(element, value)| Some(element.check_bounds(value).err()?.to_string())).collect();
     for text in outside.iter().take(SHOWN) {
         note(&format!("warning: {source}: {text}\n"));
     }
     if outside.len() > SHOWN {
-        note(&format!("warning: {source}: {} more values lie outside of their bounds\n", outside.len() - SHOWN));
+        note(&format!("warning: {source}: {} more values are outside their bounds\n", outside.len() - SHOWN));
     }
 }
 

@@ -18,7 +18,7 @@ use super::simulate::SimulateArguments;
 use crate::policy::Policy;
 use crate::sweep::{Sweep, combination, combinations};
 use smpl_runtime::environment::{Environment, ResetOptions, StateInput, StepResult};
-use smpl_runtime::failure::{Short, beyond};
+use smpl_runtime::failure::Short;
 use smpl_runtime::load::LoadOptions;
 use smpl_runtime::pool;
 use smpl_runtime::scenario::{Value, Variant};
@@ -225,7 +225,7 @@ fn point(arguments: &SimulateArguments, setup: Arc<Setup>, targets: &[Target], v
                 };
                 let value = number()?;
                 given.insert(sweep.name.clone(), value);
-                let outside = family.find(&sweep.name).and_then(|element| beyond(element, value));
+                let outside = family.find(&sweep.name).and_then(|element| element.check_bounds(value).err());
                 broken = broken.or(outside.map(|outside| format!("initial value {outside}")));
             }
             Target::Scenario | Target::Variant | Target::Setting => {}

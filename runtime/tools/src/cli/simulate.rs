@@ -14,7 +14,7 @@ use super::{ModelArguments, outputs};
 use crate::policy::Policy;
 use crate::sweep::Sweep;
 use smpl_runtime::environment::{Environment, ResetOptions, Start, StateInput};
-use smpl_runtime::failure::{Short, beyond};
+use smpl_runtime::failure::Short;
 use smpl_runtime::load::{LoadOptions, Loaded};
 use smpl_runtime::setup::{Setup, method};
 use smpl_runtime::trajectory::{Between, Clock, Recorder, read_actions, read_disturbances, read_initial};
@@ -325,7 +325,7 @@ impl SimulateArguments {
         if let Some(path) = &self.disturbances {
             let first = reset.disturbances.iter().filter_map(|(name, values)| {
                 let element = catalogue.disturbances.find(name)?;
-                values.iter().find(|value| beyond(element, **value).is_some()).map(|&value| (element, value))
+                values.iter().find(|value| element.check_bounds(**value).is_err()).map(|&value| (element, value))
             });
             report::warn_of_bounds(&path.display().to_string(), first);
         }

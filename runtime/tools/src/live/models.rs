@@ -257,6 +257,6 @@ fn fault(error: &LoadError) -> Fault {
             Fault { data: Some(data), ..Fault::new(FaultKind::Invalid, error.to_string()) }
         }
         LoadError::Read { .. } => Fault::new(FaultKind::File, error.to_string()),
-        LoadError::Setting { .. } | LoadError::Artefact { .. } => Fault::setting(error),
+        LoadError::Setting { .. } | LoadError::Parameter(_) | LoadError::Artefact { .. } => Fault::setting(error),
     }
 }

@@ -329,7 +329,7 @@ impl Shared {
                 let of_file = |d: &&diagnostic::Diagnostic| Some(d.primary.span.file) == own && d.primary.span != Span::default();
                 diagnostics.iter().filter(of_file).map(|d| converted(d, places.range(&bytes(d.primary.span)), Vec::new(), terms)).collect()
             }
-            Err(LoadError::Setting { message }) => vec![whole(message)],
+            Err(error @ (LoadError::Setting { .. } | LoadError::Parameter(_))) => vec![whole(error.to_string())],
             Err(_) => Vec::new(),
         }
     }
