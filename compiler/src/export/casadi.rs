@@ -52,6 +52,7 @@ fn spelling(f: UnaryFn) -> Spelling {
         UnaryFn::Sinh => "ca.sinh",
         UnaryFn::Cosh => "ca.cosh",
         UnaryFn::Tanh => "ca.tanh",
+        UnaryFn::Erf => "ca.erf",
         UnaryFn::Floor => "ca.floor",
         UnaryFn::Ceil => "ca.ceil",
         UnaryFn::Round => return Spelling { name: "_round", definition: ROUND },

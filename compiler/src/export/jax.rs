@@ -49,6 +49,7 @@ fn spelling(f: UnaryFn) -> Spelling {
         UnaryFn::Sinh => "jnp.sinh",
         UnaryFn::Cosh => "jnp.cosh",
         UnaryFn::Tanh => "jnp.tanh",
+        UnaryFn::Erf => return Spelling { name: "_erf", definition: ERF },
         UnaryFn::Floor => "jnp.floor",
         UnaryFn::Ceil => "jnp.ceil",
         UnaryFn::Round => "_round",
@@ -57,6 +58,10 @@ fn spelling(f: UnaryFn) -> Spelling {
     };
     Spelling::known(name)
 }
+
+const ERF: &str = "
+from jax.scipy.special import erf as _erf  # noqa: E402
+";
 
 const SINGLE: &str = "
 def _single(a):

@@ -50,6 +50,8 @@ elementary! {
     Sinh "sinh": Some(Kernel::Sinh);
     Cosh "cosh": Some(Kernel::Cosh);
     Tanh "tanh": Some(Kernel::Tanh);
+    /// The error function.
+    Erf "erf": Some(Kernel::Erf);
     Floor "floor": Some(Kernel::Floor);
     Ceil "ceil": Some(Kernel::Ceil);
     /// To the nearest integer, ties to even.
@@ -154,5 +156,25 @@ pub(crate) fn slope<A: Arithmetic>(x: &mut A, f: UnaryFn, a: A::Number, value: A
             let (down, up) = (x.binary(Sub, one, value), x.binary(Add, one, value));
             x.binary(Mul, down, up)
         }
+        UnaryFn::Erf => {
+            let square = x.powi(a, 2);
+            let exponent = x.unary(UnaryFn::Neg, square);
+            let (bell, factor) = (x.unary(UnaryFn::Exp, exponent), x.constant(std::f64::consts::FRAC_2_SQRT_PI));
+            x.binary(Mul, factor, bell)
+        }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::UnaryFn;
+
+    #[test]
+    fn the_schema_of_models_lists_every_function() {
+        let schema = include_str!("../../../docs/schema/model-3.schema.json");
+        for f in UnaryFn::ALL {
+            let name = serde_json::to_string(f).expect("a name");
+            assert!(schema.contains(&name), "{name} is missing");
+        }
+    }
 }

@@ -235,6 +235,7 @@ tables! {
     Sin: sin sin_array = libm::sin;
     Cos: cos cos_array = libm::cos;
     Tan: tan tan_array = libm::tan;
+    Erf: erf erf_array = libm::erf;
     Asin: asin asin_array = libm::asin;
     Acos: acos acos_array = libm::acos;
     Atan: atan atan_array = libm::atan;

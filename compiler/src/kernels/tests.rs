@@ -61,6 +61,32 @@ fn functions_of_the_crate_libm_are_within_a_unit_of_the_platforms_on_both_tables
     }
 }
 
+/// Values by a Taylor series of 120 digits, rounded to the nearest double.
+#[test]
+fn the_error_function_is_within_a_unit_of_its_rounded_value_on_both_tables() {
+    for (x, value) in [
+        (-5.5, -0.9999999999999927),
+        (-2.5, -0.999593047982555),
+        (-0.84375, -0.7672256612323416),
+        (-1e-9, -1.1283791670955127e-9),
+        (0.0, 0.0),
+        (0.1, 0.1124629160182849),
+        (0.5, 0.5204998778130465),
+        (0.7, 0.6778011938374184),
+        (0.9, 0.7969082124228322),
+        (1.25, 0.9229001282564583),
+        (1.7, 0.9837904585907745),
+        (2.857, 0.9999466417399131),
+        (3.3, 0.9999969422902035),
+        (5.9, 0.9999999999999999),
+        (f64::INFINITY, 1.0),
+    ] {
+        assert!(ulps(unary(Kernel::Erf, x), value) <= 1, "{x}: {}", unary(Kernel::Erf, x));
+        assert_eq!(unary(Kernel::Erf, x).to_bits(), (portable_table().unary[Kernel::Erf as usize])(x).to_bits(), "{x}");
+    }
+    assert!(unary(Kernel::Erf, f64::NAN).is_nan());
+}
+
 #[test]
 fn the_hyperbolic_tangent_is_within_a_unit_of_its_rounded_value() {
     for (x, value) in [

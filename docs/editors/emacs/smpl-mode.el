@@ -16,7 +16,7 @@
   "Keywords inside of a statement.")
 
 (defconst smpl-functions
-  '("abs" "acos" "all" "any" "argmax" "argmin" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "exp" "floor" "grad" "high" "initial" "inside" "integral" "interp" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "sampled" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "transport" "uniform" "upwind" "value" "volume" "width")
+  '("abs" "acos" "all" "any" "argmax" "argmin" "asin" "atan" "atan2" "ceil" "celsius" "clip" "cos" "cosh" "delay" "der" "div" "erf" "exp" "floor" "grad" "high" "initial" "inside" "integral" "interp" "kelvin" "ln" "log10" "lognormal" "low" "max" "mean" "min" "mod" "nominal" "normal" "outside" "previous" "product" "round" "sampled" "scale" "sign" "sin" "single" "sinh" "smooth" "sq" "sqrt" "steady" "sum" "tan" "tanh" "transport" "uniform" "upwind" "value" "volume" "width")
   "Built-in functions.")
 
 (defvar smpl-mode-syntax-table

@@ -4,6 +4,7 @@ Many points at once: a number is an array with one entry for each point.
 """
 
 import itertools
+import math
 
 import numpy as np
 
@@ -24,6 +25,7 @@ UNARY = {
     "sinh": np.sinh,
     "cosh": np.cosh,
     "tanh": np.tanh,
+    "erf": np.vectorize(math.erf, otypes=[float]),
     "floor": np.floor,
     "ceil": np.ceil,
     "round": np.round,

@@ -1,8 +1,8 @@
 //! The functions that every model knows: one table, from which calls, suggestions and the book's
 //! page come.
 //!
-//! A new function is an entry here; where it is another function of one number, a variant of
-//! [`UnaryFn`] with its value and its rule of differentiation, and nothing else.
+//! A new function is an entry here; if it is another function of one number, also a variant of
+//! [`UnaryFn`] with its kernel, its rule of differentiation and its name in each exporter.
 
 use crate::ir::{BinaryFn, Flavour, ReduceFn, UnaryFn};
 
@@ -163,6 +163,7 @@ pub const BUILTINS: &[Builtin] = &[
     call("sinh", "sinh(x)", 1, Call::Elementary(UnaryFn::Sinh), ELEMENTARY),
     call("cosh", "cosh(x)", 1, Call::Elementary(UnaryFn::Cosh), ELEMENTARY),
     call("tanh", "tanh(x)", 1, Call::Elementary(UnaryFn::Tanh), ELEMENTARY),
+    call("erf", "erf(x)", 1, Call::Elementary(UnaryFn::Erf), ELEMENTARY),
     call("atan2", "atan2(y, x)", 2, Call::Atan2, "angle of the point `(x, y)`, both in one unit"),
     call("sqrt", "sqrt(x)", 1, Call::Power(0.5), "square root and square, of units too"),
     call("sq", "sq(x)", 1, Call::Power(2.0), "square root and square, of units too"),

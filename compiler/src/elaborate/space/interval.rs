@@ -186,6 +186,7 @@ fn unary(f: UnaryFn, a: Known) -> Known {
         UnaryFn::Sinh => Known { value: Interval::ALL, slope: rising(Interval::POSITIVE) },
         UnaryFn::Cosh => Known { value: Interval::POSITIVE, slope: anything(a.slope) },
         UnaryFn::Tanh => Known { value: Interval::UNIT, slope: rising(Interval { low: 0.0, high: 1.0 }) },
+        UnaryFn::Erf => Known { value: Interval::UNIT, slope: rising(Interval { low: 0.0, high: std::f64::consts::FRAC_2_SQRT_PI }) },
         UnaryFn::Atan => Known { value: Interval::ALL, slope: rising(Interval { low: 0.0, high: 1.0 }) },
         UnaryFn::Sin | UnaryFn::Cos => Known { value: Interval::UNIT, slope: rising(Interval::UNIT) },
         UnaryFn::Single | UnaryFn::Smooth => a,

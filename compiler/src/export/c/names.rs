@@ -22,6 +22,7 @@ pub(super) fn spelling(f: UnaryFn) -> Spelling {
         UnaryFn::Sinh => "sinh",
         UnaryFn::Cosh => "cosh",
         UnaryFn::Tanh => "tanh",
+        UnaryFn::Erf => "erf",
         UnaryFn::Floor => "floor",
         UnaryFn::Ceil => "ceil",
         UnaryFn::Round => "rint",
