@@ -20,6 +20,7 @@ from smpl_benchmarks.peers import (
     ppo,
     precision,
     reactor,
+    robertson,
     steps,
 )
 
@@ -33,6 +34,7 @@ SECTIONS = {
     "kernels": kernels.main,
     "kernel": kernel.main,
     "advection": advection.main,
+    "robertson": robertson.main,
     "pensim": pensim.main,
     "mab": mab.main,
     "exports": exports.main,
