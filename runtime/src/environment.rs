@@ -42,7 +42,7 @@ use crate::failure::{BOX_SLACK, Cause, Failure};
 use crate::observe::{Number, Sensors};
 use crate::random::EpisodeKey;
 use crate::setup::{Setup, SetupError};
-use crate::solver::{Absent, Carried, Edge, Integrator, Statistics};
+use crate::solver::{Absent, Carried, Edge, Integrator, Statistics, System};
 use crate::system::CompiledSystem;
 
 /// End of a step. Times are in the model's unit.
@@ -423,6 +423,14 @@ impl Environment {
             let (model, memory) = system.parts();
             model.outputs(memory, t, &progress.y, &progress.yp, out);
         });
+    }
+
+    /// Writes the monitored root functions of the present state, in the order of
+    /// [`watched`](smpl_compiler::compiled::CompiledModel::watched): conditions of events, then
+    /// switches of the equations, which change their form where the sign changes.
+    pub fn watched(&mut self, out: &mut [f64]) {
+        let t = self.time();
+        self.at_the_state(|system, progress| system.roots(t, &progress.y, &progress.yp, out));
     }
 
     /// Calls `work` with the inputs that belong to the state: those of before the step where the

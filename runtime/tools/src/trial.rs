@@ -19,6 +19,10 @@ use smpl_runtime::setup::{Setup, SetupError};
 
 use crate::policy::Policy;
 
+mod coverage;
+
+pub(crate) use coverage::Coverage;
+
 /// The result of a test.
 #[derive(Clone, Debug)]
 pub(crate) struct TestResult {
@@ -86,15 +90,17 @@ fn chosen(body: &[Statement], options: &LoadOptions) -> LoadOptions {
     options
 }
 
-/// Compiles the model for a group and runs its tests; `report` takes each result as it is there.
+/// Compiles the model for a group and runs its tests; `report` takes each result as it is there,
+/// and `coverage` what the tests reach.
 ///
 /// # Errors
 /// See [`LoadError`].
-pub(crate) fn run(file: &Path, group: &Group, report: &mut dyn FnMut(TestResult)) -> Result<Loaded, LoadError> {
+pub(crate) fn run(file: &Path, group: &Group, coverage: &mut Coverage, report: &mut dyn FnMut(TestResult)) -> Result<Loaded, LoadError> {
     let loaded = load(file, &LoadOptions { tests: Some(group.names.clone()), ..group.options.clone() })?;
+    coverage.declare(&loaded, &group.options);
     for test in &loaded.model.interface().tests {
         let begin = Instant::now();
-        let faults = Trial::run(&loaded, test).unwrap_or_else(|error| vec![error.to_string()]);
+        let faults = Trial::run(&loaded, test, coverage).unwrap_or_else(|error| vec![error.to_string()]);
         let line = loaded.sources.locate(test.span).line;
         report(TestResult { name: test.name.clone(), line, time: begin.elapsed(), faults });
     }
@@ -114,10 +120,11 @@ struct Trial<'t> {
     missing: u32,
     /// An end was expected.
     expects_end: bool,
+    coverage: &'t mut Coverage,
 }
 
 impl<'t> Trial<'t> {
-    fn run(loaded: &'t Loaded, test: &Test) -> Result<Vec<String>, TrialError> {
+    fn run(loaded: &'t Loaded, test: &Test, coverage: &'t mut Coverage) -> Result<Vec<String>, TrialError> {
         let steps: u32 = test.steps.iter().map(|step| if let TestStep::Run(n) = step { *n } else { 0 }).sum();
         let mut options = loaded.options.clone();
         let limit = options.max_steps.unwrap_or(loaded.model.interface().episode.max_steps);
@@ -130,7 +137,8 @@ impl<'t> Trial<'t> {
         environment.reset(Some(0), &reset_options(&environment, test))?;
         let outputs = vec![0.0; environment.catalogue().algebraics.len()];
         let (sources, actions) = (&*loaded.sources, BTreeMap::new());
-        let mut trial = Trial { environment, sources, actions, outputs, faults: vec![], missing: 0, expects_end: false };
+        let mut trial = Trial { environment, sources, actions, outputs, faults: vec![], missing: 0, expects_end: false, coverage };
+        trial.coverage.note(&mut trial.environment);
         for step in &test.steps {
             match step {
                 TestStep::Set { role: Role::Action, names, value, .. } => trial.set_actions(names, *value),
@@ -158,6 +166,7 @@ impl<'t> Trial<'t> {
             policy.choose(&mut self.environment, &mut action);
             self.actions.iter().for_each(|(&at, &value)| action[at] = value);
             self.environment.step(&action)?;
+            self.coverage.note(&mut self.environment);
         }
         Ok(())
     }

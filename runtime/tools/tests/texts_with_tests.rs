@@ -148,3 +148,33 @@ fn tests_of_imported_files_are_not_run() {
     let output = smpl(&["test", name(&path)]);
     assert!(status(&output) == 0 && text(&output.stdout).contains("1 test, 1 passed"), "{}{}", text(&output.stdout), text(&output.stderr));
 }
+
+#[test]
+fn coverage_lists_what_the_tests_reach_and_what_not() {
+    let more = "variant wide \"a wide tank\" { param A : m^2 = 5 }\nvariant narrow \"a narrow tank\" { param A : m^2 = 0.1 }\n\
+                test \"overflows\" { start nominal; w = 0; q = 0.3; k = 0; steps 5; expect failure overflow }\n\
+                test \"wide\" { variant wide; start nominal; w = 0; steps 1; expect h > 0.5 [m] }\n";
+    let (status, out, error) = run(more, &["--coverage"]);
+    assert_eq!(status, 0, "{out}{error}");
+    let found: Vec<&str> = out.lines().skip_while(|line| !line.contains("reached by its tests")).skip(1).map(str::trim).collect();
+    assert_eq!(
+        found,
+        ["failures  1 of 1", "successes 0 of 1, not reached: low", "variants  1 of 2, not reached: narrow", "2 tests, 2 passed, 0 failed"]
+    );
+}
+
+#[test]
+fn coverage_counts_events_phases_and_switches_of_each_compilation() {
+    let text = "time t : s\naction u = 0 in -1..1\nstate x = 0 in -9..9\neq d/dt x = (if x < 0.5 then 1 else 0.5)/1 [s] + u/1 [s]\n\
+                discrete n_hit = 0 in 0..9\nevent hit when x > 0.7\nevent never when x < -5\nat hit { next n_hit = n_hit + 1 }\n\
+                at never { next n_hit = 0 }\nobserve x\nreward r = x\nepisode { step = 0.2 [s], max_steps = 20 }\n\
+                test \"short\" { start nominal; steps 2; expect x > 0 }\n";
+    let path = file("test_blocks", "switch.eq", text);
+    let output = smpl(&["test", name(&path), "--coverage"]);
+    let out = self::text(&output.stdout);
+    assert!(out.contains("events    0 of 2, not reached: hit, never") && out.contains("switches  0 of 1 seen on both sides"), "{out}");
+    let path = file("test_blocks", "switch.eq", text.replace("steps 2", "steps 6"));
+    let output = smpl(&["test", name(&path), "--coverage"]);
+    let out = self::text(&output.stdout);
+    assert!(out.contains("events    1 of 2, not reached: never") && out.contains("switches  1 of 1"), "{out}");
+}

@@ -11,7 +11,7 @@ use smpl_runtime::load::load;
 
 use super::report::{self, Failed};
 use super::{Files, ModelArguments, outputs, say};
-use crate::trial::{self, TestResult};
+use crate::trial::{self, Coverage, TestResult};
 
 #[derive(Debug, Args)]
 pub(super) struct TestArguments {
@@ -22,6 +22,9 @@ pub(super) struct TestArguments {
     /// Run the tests whose names contain a text
     #[arg(long, value_name = "TEXT", default_value = "")]
     filter: String,
+    /// List the events, failures, phases, variants and levels that the tests reach
+    #[arg(long)]
+    coverage: bool,
     /// Write the results as JUnit XML
     #[arg(long, value_name = "F.xml")]
     junit: Option<PathBuf>,
@@ -78,9 +81,10 @@ fn suite(file: &Path, arguments: &TestArguments) -> Result<Suite, Failed> {
         }
     }
     let mut shown: Vec<Diagnostic> = Vec::new();
+    let mut coverage = Coverage::default();
     for group in &groups {
         let mut lines = Ok(());
-        let result = trial::run(file, group, &mut |outcome| {
+        let result = trial::run(file, group, &mut coverage, &mut |outcome| {
             if lines.is_ok() {
                 lines = say(printable(&line(file, &outcome)));
             }
@@ -96,6 +100,9 @@ fn suite(file: &Path, arguments: &TestArguments) -> Result<Suite, Failed> {
             }
             Err(error) => suite.fail(error.into()),
         }
+    }
+    if arguments.coverage {
+        say(printable(&format!("     {}: reached by its tests\n{}", file.display(), coverage.lines())))?;
     }
     Ok(suite)
 }
