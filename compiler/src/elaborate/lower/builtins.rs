@@ -1,8 +1,8 @@
 //! The functions that every model knows: one table, from which calls, suggestions and the book's
 //! page come.
 //!
-//! A new function is an entry here; if it is another function of one number, also a variant of
-//! [`UnaryFn`] with its kernel, its rule of differentiation and its name in each exporter.
+//! A new function is an entry here. A function of one number is also a variant of [`UnaryFn`] with
+//! its kernel, its rule of differentiation and its name in each exporter.
 
 use crate::ir::{BinaryFn, Flavour, ReduceFn, UnaryFn};
 
