@@ -2,18 +2,25 @@
 
 use std::fmt::Write;
 
-/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. A short run of
-/// back-ticks still marks code.
+/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. Pairs of single
+/// back-ticks mark code, in which Markdown knows no escapes; other back-ticks are literal.
 pub(super) fn prose(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    let fences = text.contains("```") || text.contains("~~~");
+    let fences = text.contains("~~~");
+    let paired = text.matches('`').count().is_multiple_of(2) && !text.contains("``");
+    let mut in_code = false;
     for c in text.chars() {
         match c {
-            '*' | '_' | '$' | '\\' | '#' | '[' | ']' | '{' | '}' => out.extend(['\\', c]),
-            '`' | '~' if fences => out.extend(['\\', c]),
+            _ if c.is_control() => out.push(' '),
+            '`' if paired => {
+                in_code = !in_code;
+                out.push(c);
+            }
+            _ if in_code => out.push(c),
+            '*' | '_' | '$' | '\\' | '#' | '[' | ']' | '{' | '}' | '`' => out.extend(['\\', c]),
+            '~' if fences => out.extend(['\\', c]),
             '<' => out.push_str("&lt;"),
             '&' => out.push_str("&amp;"),
-            _ if c.is_control() => out.push(' '),
             _ => out.push(c),
         }
     }
@@ -116,7 +123,11 @@ mod tests {
             ("x {: onclick=y}", "x \\{: onclick=y\\}"),
             ("a\n\n# b", "a  \\# b"),
             ("```html", "\\`\\`\\`html"),
-            ("none with `gross`", "none with `gross`"),
+            ("none with `gross_uptake`, _or_", "none with `gross_uptake`, \\_or\\_"),
+            ("`c[i] < {a}`, [x](y)", "`c[i] < {a}`, \\[x\\](y)"),
+            ("`[`c](https://a.example)", "`[`c\\](https://a.example)"),
+            ("one ` [x](y)", "one \\` \\[x\\](y)"),
+            ("``[x](y)`` `", "\\`\\`\\[x\\](y)\\`\\` \\`"),
         ];
         for (text, expected) in cases {
             assert_eq!(prose(text), expected);
