@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! state θ
-//! initial eq θ*v = L
+//! initial eq θ*v = L free θ
 //! eq d/dt θ = w*(1 - v/delay(v, θ)) + (1 - w)*(L - v*θ)/L
 //! fail transport_1_stops event v <= 0
 //! ```
@@ -157,11 +157,12 @@ impl Writer {
             slowest = Expr { span, kind };
         }
         let derivative = Expr { span, kind: ExprKind::Derivative(Box::new(of.time())) };
+        let free = vec![Expr { span, kind: ExprKind::Name(Ident { text: of.name.clone(), span }) }];
         let covered = binary(BinaryOp::Mul, of.time(), of.velocity.clone());
         let fails = Ident { text: format!("{}_stops", of.name), span };
         let kinds = [
             StatementKind::Declare { role: Role::State, declarations: vec![declaration] },
-            StatementKind::StartEquation { lhs: covered, rhs: of.length.clone(), free: Vec::new(), binders: of.binders.clone() },
+            StatementKind::StartEquation { lhs: covered, rhs: of.length.clone(), free, binders: of.binders.clone() },
             StatementKind::Equation { lhs: derivative, rhs: of.rate(), binders: of.binders.clone() },
             StatementKind::Fail {
                 name: fails,
