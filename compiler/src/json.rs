@@ -164,7 +164,7 @@ impl Document {
             policies: model.programs.policies.iter().map(|(name, _)| name.clone()).collect(),
             finish: FinishForm::from(&i.finish),
             choices: i.alternatives.choices.iter().map(ChoiceForm::from).collect(),
-            reduction: i.reduction.has_reduced().then(|| ReductionForm::from(&i.reduction)),
+            reduction: i.reduction.is_recorded().then(|| ReductionForm::from(&i.reduction)),
             unknowns: model.unknowns,
             events: model.roots,
             delays: model.delays,

@@ -704,8 +704,33 @@ fn a_jump_behind_two_conditions_ends_the_episode() {
 fn an_expression_that_is_continuous_for_all_parameters_is_differentiated() {
     let text = "param c = 0.5\nstate x = 0\nstate V = 1\neq d/dt x = 1 [1/s]\n\
                 eq d/dt (V*(if x > 1.5 then 1 + c*(x - 1.5) else 1)) = 1 [1/s]";
-    for (method, steps) in [(Method::Ida, 1), (Method::Ida, 7), (Method::Auto, 1), (Method::Auto, 60)] {
-        let end = run(text, method, (3.0, steps))["V"];
-        assert!((end - 4.0 / 1.75).abs() < 1e-6, "{method}, {steps} steps: {end}");
+    for method in [Method::Ida, Method::Rosenbrock, Method::Explicit, Method::Auto] {
+        for steps in [1, 7, 60] {
+            let end = run(text, method, (3.0, steps))["V"];
+            assert!((end - 4.0 / 1.75).abs() < 1e-6, "{method}, {steps} steps: {end}");
+        }
+    }
+}
+
+/// The expression is its value at the start plus t, with x = t.
+#[test]
+fn rates_behind_a_condition_without_a_rate_are_explicit() {
+    let cases = [
+        ("param a = 2", "V*(if a > 1 then 2 else 4)", 2.5),
+        ("param a = 2", "if a > 1 then V*2 else 4*V + x", 2.5),
+        ("param a = 0", "(if a > 1 then V*2 else 4*V + 2*x)/4", 4.0 - 1.5),
+        ("", "V*(if x > 1.5 then 1 + (x - 1.5)^2 else 1)", 4.0 / 3.25),
+        ("", "V*max(1, x - 0.5)", 4.0 / 2.5),
+        ("", "V*(1 + abs(x - 1))", 5.0 / 3.0),
+        ("table h over t : s linear { 0: 1, 2: 3, 4: 3 }", "V*h(t)", 4.0 / 3.0),
+    ];
+    for (declarations, expression, right) in cases {
+        let text = format!("{declarations}\nstate x = 0\nstate V = 1\neq d/dt x = 1 [1/s]\neq d/dt ({expression}) = 1 [1/s]");
+        for method in [Method::Ida, Method::Rosenbrock, Method::Explicit, Method::Auto] {
+            for steps in [1, 7] {
+                let end = run(&text, method, (3.0, steps))["V"];
+                assert!((end - right).abs() < 1e-6, "{expression}, {method}, {steps} steps: {end}, not {right}");
+            }
+        }
     }
 }

@@ -546,6 +546,36 @@ def test_a_failure_ends_the_simulation_unless_it_is_told_to_go_on(ball):
         instance.close()
 
 
+@pytest.mark.parametrize("c", [0.0, 0.25])
+def test_a_jump_of_what_is_differentiated_ends_the_simulation(folder, c):
+    """a = 1 + t/15 passes 1.05 at 0.75 s, where the sum of a and b jumps by c; without a jump a is 1.2 at 3 s."""
+    path = folder / "jump.eq"
+    path.write_text("""
+model Jump
+time t : s
+param c = 0 in -1..1
+state a = 1
+state b = 2
+var w : 1/s
+eq d/dt a = 0.1 [1/s] + w
+eq d/dt b = 2*w
+eq a + b = if a > 1.05 then 3 + c else 3
+observe a in 0..5
+episode { step = 1.5 [s], max_steps = 2 }
+""")
+    _, _, description, unpacked = make(folder, path)
+    instance = Instance(description, unpacked, "co-simulation")
+    instance.fmu.enterInitializationMode()
+    instance.set("c", [c])
+    instance.fmu.exitInitializationMode()
+    _, ended, _, time = instance.fmu.doStep(0.0, 1.5)
+    assert (ended, time) == (c > 0, pytest.approx(0.75 if c > 0 else 1.5, rel=1e-7))
+    if c == 0:
+        instance.fmu.doStep(1.5, 1.5)
+        np.testing.assert_allclose(instance.get("a"), [1.2], rtol=1e-7)
+    instance.close()
+
+
 def test_a_parameter_changes_what_depends_on_it_at_the_start_and_later(ball):
     """The ball hits the ground with sqrt(2 g); what is left of its speed is a parameter."""
     _, _, description, unpacked = ball

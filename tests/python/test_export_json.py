@@ -133,6 +133,28 @@ def test_a_model_in_json_runs_as_the_model_itself(tmp_path):
     assert np.array_equal(runs[0], runs[1])
 
 
+def test_a_model_in_json_still_watches_rates_of_expressions_that_may_jump(tmp_path):
+    """With x = t the factor jumps by c at 1.5 s."""
+    text = """
+time t : s
+param c = 0 in -1..1
+state x = 0
+state V = 1
+eq d/dt x = 1 [1/s]
+eq d/dt (V*(if x > 1.5 then 1 + c else 1)) = 1 [1/s]
+observe V in 0..9
+episode { step = 1 [s], max_steps = 3 }
+"""
+    model = smpl.compile(source=text)
+    assert smpl.export.json(model)["reduction"]["unsteady"] == [{"failure": 0, "of": "x"}]
+    for each in (model, round_trip(model, tmp_path)):
+        env = smpl.Env(each)
+        env.reset(options={"parameters": {"c": 0.25}})
+        env.step([])
+        *_, info = env.step([])
+        assert info["failure"].startswith("jump_by_x") and info["time"] == pytest.approx(1.5, rel=1e-7)
+
+
 def test_a_model_in_json_takes_parameters_and_no_other_scenario(tmp_path):
     path = tmp_path / "reactor.json"
     path.write_text(

@@ -16,7 +16,7 @@ use crate::ir::{Affine, ExprId, Role, VarId};
 use crate::model::number::present;
 use crate::model::{
     Choice, Delay, Demoted, Differentiated, Failure, Finish, Grid, Guard, Lag, Observed, Projected, Quantity, Reduction, Reward, Root,
-    RootAction, Row, StartCondition, Variable,
+    RootAction, Row, StartCondition, Unsteady, Variable,
 };
 
 /// Modules that write and read lists of a type in its form.
@@ -50,6 +50,7 @@ lists! {
     projected: Projected as "ProjectedForm";
     differentiated: Differentiated as "DifferentiatedForm";
     guards: Guard as "GuardForm";
+    unsteady: Unsteady as "UnsteadyForm";
 }
 
 #[derive(Serialize, Deserialize)]
@@ -198,6 +199,15 @@ struct GuardForm {
     spans: Vec<Span>,
 }
 
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Unsteady", deny_unknown_fields)]
+struct UnsteadyForm {
+    failure: u32,
+    of: String,
+    #[serde(skip)]
+    span: Span,
+}
+
 /// Record of index reduction.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -209,18 +219,20 @@ pub(super) struct ReductionForm {
     projected: Vec<Projected>,
     #[serde(with = "guards")]
     guards: Vec<Guard>,
+    #[serde(default, with = "unsteady", skip_serializing_if = "Vec::is_empty")]
+    unsteady: Vec<Unsteady>,
 }
 
 impl From<&Reduction> for ReductionForm {
     fn from(r: &Reduction) -> Self {
-        let Reduction { differentiated, demoted, projected, preferred: _, guards, unsteady: _ } = r.clone();
-        ReductionForm { differentiated, follow: demoted, projected, guards }
+        let Reduction { differentiated, demoted, projected, preferred: _, guards, unsteady } = r.clone();
+        ReductionForm { differentiated, follow: demoted, projected, guards, unsteady }
     }
 }
 
 impl From<ReductionForm> for Reduction {
-    fn from(ReductionForm { differentiated, follow, projected, guards }: ReductionForm) -> Self {
-        Reduction { differentiated, demoted: follow, projected, preferred: Vec::new(), guards, unsteady: Vec::new() }
+    fn from(ReductionForm { differentiated, follow, projected, guards, unsteady }: ReductionForm) -> Self {
+        Reduction { differentiated, demoted: follow, projected, preferred: Vec::new(), guards, unsteady }
     }
 }
 

@@ -76,6 +76,11 @@ impl Reduction {
     pub fn has_reduced(&self) -> bool {
         !(self.differentiated.is_empty() && self.demoted.is_empty() && self.projected.is_empty())
     }
+
+    /// Returns `true` if there is anything in the record.
+    pub(crate) fn is_recorded(&self) -> bool {
+        self.has_reduced() || !self.guards.is_empty() || !self.unsteady.is_empty()
+    }
 }
 
 /// An equation of which time derivatives were added.

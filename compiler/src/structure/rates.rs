@@ -6,7 +6,7 @@ use smpl_dsl::span::Span;
 
 use super::common::{element_name, replace_everywhere};
 use crate::elaborate::{Equation, EquationForm, for_each_element};
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, MAX_DEPTH, Rewritten, Role, UnaryFn, VarId};
 use crate::model::{Model, Variable};
 
 /// States with an explicit rate.
@@ -15,40 +15,43 @@ pub(crate) struct Rates {
     pub covered: FastMap<VarId, Vec<bool>>,
 }
 
-/// `a·x' + b = 0` becomes `x' = -b/a` if one derivative occurs, linearly, that no other equation
-/// gives: `w = der(x)` is one for `w` if `d/dt x = ...` is another equation.
+/// `a·x' + b = 0` becomes `x' = -b/a` if `x'` occurs linearly and is the only derivative that no
+/// other equation gives: `w = der(x)` is one for `w` if `d/dt x = ...` is another equation.
 pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, Variable>, equations: &mut [Equation]) {
-    let mut given = Given { covered: FastMap::default(), vars };
-    for equation in equations.iter() {
-        if let EquationForm::Rate { var, at, .. } = equation.form {
-            given.add(var, at, &equation.extents);
+    let mut given = Given { covered: FastMap::default(), reads: FastMap::default(), vars };
+    let mut open = Vec::new();
+    for (number, equation) in equations.iter_mut().enumerate() {
+        let mut own = None;
+        if let EquationForm::Rate { var, at, value } = equation.form {
+            given.add(exprs, (var, at, value), &equation.extents);
+            // A rate that mentions itself is an equation for it.
+            if exprs.derivatives(value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
+                let rate = exprs.load(var, Flavour::Derivative, at);
+                equation.form = EquationForm::Implicit { residual: exprs.sub(rate, value) };
+                own = Some((var, at));
+            }
+        }
+        if let EquationForm::Implicit { residual } = equation.form {
+            let rates: Vec<_> = exprs.derivatives(residual, |v| vars[v].role == Role::State).iter().map(|d| (d.0, d.2)).collect();
+            open.push((number, residual, own, rates));
         }
     }
-    for equation in equations {
-        let (residual, says_so) = match equation.form {
-            EquationForm::Implicit { residual } => (residual, false),
-            EquationForm::Rate { var, at, value } => {
-                // A rate that mentions itself is an equation for it.
-                let own = exprs.load(var, Flavour::Derivative, at);
-                if !exprs.derivatives(value, |v| v == var).contains(&(var, Flavour::Derivative, at)) {
-                    continue;
-                }
-                (exprs.sub(own, value), true)
-            }
-            EquationForm::Definition { .. } => continue,
-        };
-        equation.form = EquationForm::Implicit { residual };
-        let derivatives = exprs.derivatives(residual, |v| vars[v].role == Role::State);
-        let &[(var, _, at)] = derivatives.as_slice() else { continue };
-        if !says_so && given.has(var, at, &equation.extents) {
-            continue;
-        }
-        let own = exprs.load(var, Flavour::Derivative, at);
-        if let Some((a, b)) = linear(exprs, residual, own).filter(|(a, _)| !exprs.has_derivative(*a)) {
+    // A solved rate may be the missing one of an equation before.
+    loop {
+        let before = open.len();
+        open.retain(|(number, residual, own, rates)| {
+            let equation = &mut equations[*number];
+            let Some((var, at)) = given.missing(*own, rates, &equation.extents) else { return true };
+            let rate = exprs.load(var, Flavour::Derivative, at);
+            let Some((a, b)) = linear(exprs, *residual, rate).filter(|(a, _)| !exprs.has_derivative(*a)) else { return true };
             let minus_b = exprs.neg(b);
             let value = exprs.div(minus_b, a);
             equation.form = EquationForm::Rate { var, at, value };
-            given.add(var, at, &equation.extents);
+            given.add(exprs, (var, at, value), &equation.extents);
+            false
+        });
+        if open.len() == before {
+            return;
         }
     }
 }
@@ -56,22 +59,53 @@ pub(crate) fn solve_for_derivatives(exprs: &mut Exprs, vars: &PrimaryMap<VarId, 
 /// Elements of states whose rates equations give.
 struct Given<'m> {
     covered: FastMap<VarId, Vec<bool>>,
+    /// States whose rates occur in that of a state.
+    reads: FastMap<VarId, FastSet<VarId>>,
     vars: &'m PrimaryMap<VarId, Variable>,
 }
 
 impl Given<'_> {
-    fn add(&mut self, var: VarId, at: Affine, extents: &[u32]) {
+    fn add(&mut self, exprs: &Exprs, (var, at, value): (VarId, Affine, ExprId), extents: &[u32]) {
         let covered = self.covered.entry(var).or_insert_with(|| vec![false; self.vars[var].len as usize]);
         for_each_element(extents, at, &mut |i| covered.get_mut(i as usize).into_iter().for_each(|slot| *slot = true));
+        let read = exprs.derivatives(value, |v| v != var && self.vars[v].role == Role::State);
+        self.reads.entry(var).or_default().extend(read.iter().map(|(other, ..)| *other));
     }
 
-    /// Returns `true` if one of the elements is among them.
-    fn has(&self, var: VarId, at: Affine, extents: &[u32]) -> bool {
-        let mut has = false;
-        if let Some(covered) = self.covered.get(&var) {
-            for_each_element(extents, at, &mut |i| has |= covered.get(i as usize) == Some(&true));
+    /// The rate that an equation is for: its own, or the only one of `rates` that is not given. The
+    /// others must be given, and must not follow from it.
+    fn missing(&self, own: Option<(VarId, Affine)>, rates: &[(VarId, Affine)], extents: &[u32]) -> Option<(VarId, Affine)> {
+        let is_missing = |rate: &&(VarId, Affine)| own.map_or_else(|| !self.has_all(**rate, extents), |own| **rate == own);
+        let (missing, others): (Vec<_>, Vec<_>) = rates.iter().partition(is_missing);
+        let &[&(var, at)] = missing.as_slice() else { return None };
+        if own.is_none() && self.count(var, at, extents).1 || !others.iter().all(|other| self.has_all(**other, extents)) {
+            return None;
         }
-        has
+        let mut follow: Vec<VarId> = others.iter().map(|other| other.0).collect();
+        let mut seen = FastSet::default();
+        while let Some(one) = follow.pop() {
+            if one == var {
+                return None;
+            }
+            if seen.insert(one) {
+                follow.extend(self.reads.get(&one).into_iter().flatten());
+            }
+        }
+        Some((var, at))
+    }
+
+    fn has_all(&self, (var, at): (VarId, Affine), extents: &[u32]) -> bool {
+        self.count(var, at, extents).0
+    }
+
+    /// Returns whether all of the elements are among them, and whether one is.
+    fn count(&self, var: VarId, at: Affine, extents: &[u32]) -> (bool, bool) {
+        let (mut all, mut any) = (true, false);
+        for_each_element(extents, at, &mut |i| {
+            let has = self.covered.get(&var).and_then(|covered| covered.get(i as usize)) == Some(&true);
+            (all, any) = (all && has, any || has);
+        });
+        (all, any)
     }
 }
 
@@ -104,6 +138,10 @@ pub(super) fn linear(exprs: &mut Exprs, e: ExprId, x: ExprId) -> Option<(ExprId,
         Expr::Binary(BinaryFn::Div, p, q) if !depends(exprs, q, x) => {
             let (a, b) = linear(exprs, p, x)?;
             Some((exprs.div(a, q), exprs.div(b, q)))
+        }
+        Expr::Select(condition, p, q) if !depends(exprs, condition, x) => {
+            let ((a1, b1), (a2, b2)) = (linear(exprs, p, x)?, linear(exprs, q, x)?);
+            Some((exprs.select(condition, a1, a2), exprs.select(condition, b1, b2)))
         }
         _ => None,
     }

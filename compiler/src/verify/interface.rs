@@ -43,9 +43,11 @@ pub(super) fn check(model: &Model) -> Checked {
         let place = || format!("reduction.projected[{n}].invariant");
         ensure(end <= count, place, || format!("there is no invariant {}, there are {count}", end.saturating_sub(1)))?;
     }
-    for (n, guard) in i.reduction.guards.iter().enumerate() {
-        let (at, count) = (guard.failure, i.finish.failures.len());
-        let place = || format!("reduction.guards[{n}].failure");
+    let guards = i.reduction.guards.iter().map(|guard| guard.failure).enumerate().map(|(n, at)| ("guards", n, at));
+    let unsteady = i.reduction.unsteady.iter().map(|one| one.failure).enumerate().map(|(n, at)| ("unsteady", n, at));
+    for (list, n, at) in guards.chain(unsteady) {
+        let count = i.finish.failures.len();
+        let place = || format!("reduction.{list}[{n}].failure");
         ensure((at as usize) < count, place, || format!("there is no failure {at}, there are {count}"))?;
     }
     Ok(())
