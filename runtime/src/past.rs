@@ -41,8 +41,8 @@ const KINK: f64 = 100.0;
 /// Part of a dead time over which a rate is looked at.
 const AHEAD: f64 = 1e-7;
 
-/// The first part of a step in which a value may be looked at instead of at its beginning.
-const FIRST: f64 = 1e-3;
+/// Part of a step in which values may be looked at instead of at its ends.
+const END: f64 = 1e-3;
 
 /// Part of a dead time by which a time may exceed what is recorded.
 const SLACK: f64 = 1e-9;
@@ -114,15 +114,16 @@ pub(crate) struct Past {
     /// The break that the integration is about to cross, and the one that it has crossed last.
     coming: Option<f64>,
     crossed: Option<f64>,
-    /// Elements whose values jump where the last integration began, and how far behind that values
-    /// are looked at, where they jump just behind it.
+    /// Elements whose values jump where the last integration began.
     jumped: Box<[bool]>,
-    ahead: f64,
     /// The shortest and the longest dead time; infinite for residence times, of which all is kept.
     shortest: f64,
     longest: f64,
     values: Box<[f64]>,
     other: Box<[f64]>,
+    /// Values inside of a span, near its ends.
+    near: Box<[f64]>,
+    far: Box<[f64]>,
     samples: Box<[f64]>,
     /// Unknowns and rates within a step.
     y: Box<[f64]>,
@@ -165,11 +166,12 @@ impl Past {
             coming: None,
             crossed: None,
             jumped: vec![false; width].into_boxed_slice(),
-            ahead: 0.0,
             shortest: f64::INFINITY,
             longest: 0.0,
             values: numbers(width),
             other: numbers(width),
+            near: numbers(width),
+            far: numbers(width),
             samples: numbers(TERMS * width),
             y: numbers(model.unknowns()),
             yp: numbers(model.unknowns()),
@@ -354,14 +356,19 @@ impl Past {
                 break;
             }
             let mut samples = std::mem::take(&mut self.samples);
-            let first = if from == begin { self.ahead.min(FIRST * (to - from)) } else { 0.0 };
             for (node, out) in nodes().into_iter().zip(samples.chunks_exact_mut(width)) {
-                value(self, if node == 1.0 { to } else { from + first.max(node * (to - from)) }, out);
+                value(self, if node == 1.0 { to } else { from + node * (to - from) }, out);
             }
             let behind = self.crossed.take().filter(|at| *at <= from).unwrap_or(from);
             self.kept.record.push(behind, (from, to), &samples);
+            let mut resolved = self.kept.record.is_resolved(PRECISION * rtol);
+            if !resolved && self.continue_to_ends((from, to), rtol, &mut samples, value) {
+                self.kept.record.pop();
+                self.kept.record.push(behind, (from, to), &samples);
+                resolved = self.kept.record.is_resolved(PRECISION * rtol);
+            }
             self.samples = samples;
-            if !self.kept.record.is_resolved(PRECISION * rtol) && length > 1.5 * least {
+            if !resolved && length > 1.5 * least {
                 self.kept.record.pop();
                 self.crossed = (behind < from).then_some(behind);
                 length *= 0.5;
@@ -369,7 +376,34 @@ impl Past {
             }
             from = to;
         }
-        self.ahead = 0.0;
+    }
+
+    /// Replaces samples at the ends of a span that belong to the other side of a jump there by the
+    /// straight line from within: a step may end, and the next one begin, a rounding beside a
+    /// threshold. Returns whether there was one.
+    fn continue_to_ends(
+        &mut self,
+        (from, to): (f64, f64),
+        rtol: f64,
+        samples: &mut [f64],
+        value: &mut dyn FnMut(&mut Self, f64, &mut [f64]),
+    ) -> bool {
+        let width = self.values.len();
+        let inside = (AHEAD * self.shortest).max(1e3 * f64::EPSILON * to.abs()).min(END * (to - from));
+        let (mut near, mut far) = (std::mem::take(&mut self.near), std::mem::take(&mut self.far));
+        let mut any = false;
+        for (first, end, step) in [(0, from, inside), (samples.len() - width, to, -inside)] {
+            value(self, end + step, &mut near);
+            value(self, end + 2.0 * step, &mut far);
+            for (element, sample) in samples[first..first + width].iter_mut().enumerate() {
+                let (jump, size) = ((near[element] - *sample).abs(), self.kept.record.size(element));
+                if jump > JUMP * rtol * size && (far[element] - near[element]).abs() < 0.5 * jump {
+                    (*sample, any) = (2.0 * near[element] - far[element], true);
+                }
+            }
+        }
+        (self.near, self.far) = (near, far);
+        any
     }
 
     /// An integration begins at a time and state, which may not be consistent yet: what was
@@ -418,7 +452,6 @@ impl Past {
         self.fill(model, memory, at, false);
         let spot = self.kept.record.locate(self.kept.record.end(), 0.0);
         let mut level = u8::MAX;
-        self.ahead = 0.0;
         for element in 0..width {
             let (before, slope) = self.kept.record.at(&spot, element);
             let (mut now, near, far) = (values[element], later[element], later[width + element]);
@@ -426,7 +459,7 @@ impl Past {
             let size = self.kept.record.size(element).max(now.abs());
             // A condition at its threshold is of one value there and of the other one behind it.
             if (near - now).abs() > JUMP * rtol * size && (far - near).abs() < 0.5 * (near - now).abs() {
-                (now, rate, self.ahead) = (near, (far - near) / ahead, ahead);
+                (now, rate) = (near, (far - near) / ahead);
             }
             let lag = self.kept.lags[element];
             self.jumped[element] = (now - before).abs() > JUMP * rtol * size;

@@ -626,3 +626,27 @@ solver { rtol = 1e-9 }
 """
     whole = final(source, 12.0, 1, method)[0]
     assert [final(source, 12.0, n, method)[0] for n in (12, 15, 20, 30, 40)] == pytest.approx([whole] * 5, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("delayed", ["delay(if z > 0.5 then -1 else 1, th)", "if delay(z, th) > 0.5 then -1 else 1"])
+@pytest.mark.parametrize(
+    ("th", "start", "end", "steps"),
+    [(0.31, 0.2, 1.6, 1), (0.11, -0.3, 1.571, 1), (1.0, 0.2, 7.586, 2), (0.6, -0.3, 7.093, 5)],
+)
+def test_a_delayed_relay_follows_its_triangles(method, delayed, th, start, end, steps):
+    # z passes the threshold always a dead time after a corner, so that steps end a rounding beside it.
+    source = f"""
+    model Relay
+    time t : s
+    param th : s = {th}
+    state z = {start}
+    eq d/dt z = ({delayed}) / 1 [s]
+    """
+    corner, slope, z, time = 0.5 - start + th, 1, start, 0.0
+    while corner < end:
+        z += slope * (corner - time)
+        time, slope, corner = corner, -slope, corner + 2 * th
+    expected = z + slope * (end - time)
+    found = final(source, end, steps, method)[0]
+    assert found == pytest.approx(expected, abs=1e-10 if method == "ida" else 1e-6)
