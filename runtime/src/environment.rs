@@ -285,7 +285,7 @@ impl Environment {
     /// of their values.
     #[must_use]
     pub fn ended_records(&self) -> Vec<(String, usize)> {
-        let ended = |replay: &&Replay| !replay.meant && replay.values.len() < replay.row(self.progress.steps);
+        let ended = |replay: &&Replay| !replay.asked_to_hold && replay.values.len() < replay.row(self.progress.steps);
         self.replay.iter().filter(ended).map(|replay| (self.name_of_disturbance(replay.at), replay.values.len())).collect()
     }
 

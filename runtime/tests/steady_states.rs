@@ -159,10 +159,10 @@ fn what_is_filled_is_not_conserved_and_the_actions_that_fill_it_are_named() {
         eq d/dt b = (F + G - 3)*1 [g/s]
         eq d/dt T = (Q - T)/1 [s]\n";
     let error = solved(tanks, None).expect_err("none").to_string();
-    let said = "there is no steady state with these actions and parameters: d/dt a = 3 kg/s and d/dt b = 5 g/s, whatever the state; \
+    let wording = "there is no steady state with these actions and parameters: d/dt a = 3 kg/s and d/dt b = 5 g/s, whatever the state; \
                 the actions F and G act on them: give them other values; or hold states, `steady { a = ..., b = ... }` in the model, or \
                 `--fix a=... --fix b=...`";
-    assert_eq!(error, said);
+    assert_eq!(error, wording);
     // At the actions at which nothing flows, each may have any value: it integrates.
     let resting = tanks.replace("F = 3", "F = 0").replace("G = 5", "G = 3");
     let error = solved(&resting, None).expect_err("not determined").to_string();

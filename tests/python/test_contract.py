@@ -165,8 +165,8 @@ def test_faults_of_a_scenario_are_placed_in_its_file_and_said_once(tmp_path, tex
     scenario.write_text(text)
     with pytest.raises(smpl.ScenarioError) as caught:
         smpl.compile("reactor", scenario=scenario)
-    said = str(caught.value)
-    assert place in said and said.count(message) == 1, said
+    wording = str(caught.value)
+    assert place in wording and wording.count(message) == 1, wording
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "x", None])

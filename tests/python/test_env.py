@@ -231,8 +231,8 @@ episode { step = 0.5 [s], max_steps = 3 }
 @pytest.mark.parametrize("kind", ["single", "vector"])
 def test_bounds_of_one_number_are_that_number(tmp_path, kind):
     (tmp_path / "fixed.eq").write_text(FIXED)
-    for said in (-1.0, 0.0, 0.3, 1.0):
-        action = np.array([said, -0.5], np.float32)
+    for wording in (-1.0, 0.0, 0.3, 1.0):
+        action = np.array([wording, -0.5], np.float32)
         if kind == "single":
             env = smpl.Env(tmp_path / "fixed.eq")
             env.reset(seed=0)

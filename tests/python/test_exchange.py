@@ -122,10 +122,10 @@ def test_minari_is_not_given_an_environment_of_another_reward_or_scenario_withou
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     recorded = smpl.Env("reactor", reward="setpoint_change")
     episodes = evaluate(recorded, Proportional(), episodes=2)
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as wording:
         warnings.simplefilter("always")
         to_minari("reactor/same-v0", episodes, recorded)
-    assert not any("repeat" in str(one.message) for one in said)  # Minari has some itself
+    assert not any("repeat" in str(one.message) for one in wording)  # Minari has some itself
     other = {"reward": "setpoint"}, {"reward": "setpoint_change", "settings": {"k_0": 7e10}}
     for number, arguments in enumerate(other):
         with pytest.warns(UserWarning, match="does not repeat the episodes"):

@@ -267,19 +267,19 @@ def test_derivatives_are_those_of_the_closed_form(method):
     """x = x_0 exp(-k t) + amplitude * (k sin t - cos t + exp(-k t))/(1 + k^2), about an amplitude of 0."""
     model = smpl.compile(source=MASSES.format(""), observation="noisy")
     record = table(np.ones(41))
-    found, said = slopes(model, record, ["k", "amplitude"], ["x"], method=method)
+    found, wording = slopes(model, record, ["k", "amplitude"], ["x"], method=method)
     k = 0.3
     by_amplitude = (k * np.sin(TIMES) - np.cos(TIMES) + np.exp(-k * TIMES)) / (1 + k**2)
     expected = np.stack([-3 * TIMES * np.exp(-k * TIMES), by_amplitude, np.exp(-k * TIMES)], axis=1) / 0.05
-    assert said == "exact"
+    assert wording == "exact"
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
 
 
 def test_a_late_reading_has_the_derivative_of_its_sample():
     model = smpl.compile(source=MASSES.format(""), observation="late")
-    found, said = slopes(model, table(np.ones(41)), {"k": 0.7})
+    found, wording = slopes(model, table(np.ones(41)), {"k": 0.7})
     samples = 0.25 * np.array([0, *range(3, 39, 3)])
-    assert said == "exact" and len(found) == len(samples)
+    assert wording == "exact" and len(found) == len(samples)
     np.testing.assert_allclose(found[:, 0], -3 * samples * np.exp(-0.7 * samples) / 0.05, atol=1e-3)
 
 
@@ -287,12 +287,12 @@ def test_derivatives_pass_an_event():
     """The tank is filled by a dose when it falls to the level: x = (level + dose) exp(-k (t - tau)) after that."""
     text = MASSES.format("event low when x < level\nat low { reset x = x + dose }")
     model = smpl.compile(source=text, observation="noisy", settings={"level": 1.3})
-    found, said = slopes(model, table(np.ones(41)), ["k", "level", "dose"])
+    found, wording = slopes(model, table(np.ones(41)), ["k", "level", "dose"])
     k, level, dose = 0.3, 1.3, 0.4
     first = np.log(3 / level) / k
     second = first + np.log((level + dose) / level) / k
     between = (first < TIMES) & (second > TIMES)
-    assert said == "exact" and between.sum() == 3
+    assert wording == "exact" and between.sum() == 3
     # x = (level + dose)/level * 3 exp(-k t).
     factor, x = (level + dose) / level, 3 * np.exp(-k * TIMES[between])
     expected = np.stack([-factor * TIMES[between] * x, -dose / level**2 * x, x / level], axis=1) / 0.05
@@ -304,8 +304,8 @@ def test_what_a_step_does_not_show_is_found_and_differences_are_taken():
     text = MASSES.format("at end { next kept = x }").replace("-k*x", "-k*x + 0.2[1/h]*kept")
     model = smpl.compile(source=text, observation="noisy")
     exact = slopes(model, table(np.ones(41)), ["k"], derivatives="differences")
-    found, said = slopes(model, table(np.ones(41)), ["k"])
-    assert said.startswith("differences: run 0, step 1: how Relay goes on depends on more than its states")
+    found, wording = slopes(model, table(np.ones(41)), ["k"])
+    assert wording.startswith("differences: run 0, step 1: how Relay goes on depends on more than its states")
     np.testing.assert_array_equal(found, exact[0])
     with pytest.raises(smpl.SimulationError, match="depends on more than its states"):
         smpl.fit(model, table(np.ones(41)), ["k"], derivatives="exact")
@@ -315,8 +315,8 @@ def test_a_memory_that_moves_nothing_yet_is_found_too():
     """The kept state acts through a parameter of which the first guess is 0."""
     text = MASSES.format("at end { next kept = x }").replace("amplitude*sin(t * 1[1/h])", "amplitude*kept")
     model = smpl.compile(source=text, observation="noisy")
-    found, said = slopes(model, table(np.ones(41)), ["amplitude"])
-    assert said == "differences: Relay remembers more than its states, which steps do not show"
+    found, wording = slopes(model, table(np.ones(41)), ["amplitude"])
+    assert wording == "differences: Relay remembers more than its states, which steps do not show"
     assert np.abs(found[-1]) > 10
 
 

@@ -16,7 +16,7 @@ SBML = ROOT / "tests" / "sbml"
 ENDINGS = ("reward", "terminated", "truncated")
 
 
-class Said:
+class Outcome:
     """Exit status and output of a command."""
 
     def __init__(self, status, error):
@@ -30,9 +30,9 @@ def convert(capfd):
 
     def run(path, output):
         status = main(["import", str(path), "-o", str(output)])
-        said = Said(status, capfd.readouterr().err)
-        assert "internal error" not in said.error
-        return said
+        wording = Outcome(status, capfd.readouterr().err)
+        assert "internal error" not in wording.error
+        return wording
 
     return run
 
@@ -43,8 +43,8 @@ def trajectory(convert, capfd):
 
     def run(path, folder, end, count=40):
         text, table = folder / f"{path.stem}.eq", folder / f"{path.stem}.csv"
-        said = convert(path, text)
-        assert said.status == 0, said.error
+        wording = convert(path, text)
+        assert wording.status == 0, wording.error
         settings = ["--set", f"step={end / count!r}", "--set", f"max_steps={count}", "--rtol", "1e-10"]
         assert main(["simulate", str(text), "--start", "nominal", *settings, "--out", str(table)]) == 0, (
             capfd.readouterr().err

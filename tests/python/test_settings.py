@@ -63,7 +63,7 @@ def test_arrays_of_parameters_are_set_as_wholes_and_by_element(setting, rate):
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "wording"),
     [
         ({"k": 5}, "is outside its bounds"),
         ({"fault[3]": 2}, "is outside its bounds"),
@@ -76,8 +76,8 @@ def test_arrays_of_parameters_are_set_as_wholes_and_by_element(setting, rate):
         ({"max_order": 99}, "from 1 to 5"),
     ],
 )
-def test_a_setting_that_the_model_cannot_have_is_refused(settings, said):
-    with pytest.raises(smpl.ScenarioError, match=said):
+def test_a_setting_that_the_model_cannot_have_is_refused(settings, wording):
+    with pytest.raises(smpl.ScenarioError, match=wording):
         smpl.compile(source=MODEL, settings=settings)
 
 

@@ -117,13 +117,13 @@ def test_what_is_written_has_all_that_a_process_was_tuned_with(tmp_path, monkeyp
     (tmp_path / "models/tank.eq").write_text(TANK, encoding="utf-8")
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path)
-    said = "formulation: {centre: nominal, reach: 0.5}, segments: {short: 3}, arguments: {reward: height}"
+    wording = "formulation: {centre: nominal, reach: 0.5}, segments: {short: 3}, arguments: {reward: height}"
     (tmp_path / "own.yaml").write_text(
-        f"processes: {{Own: {{model: models/tank.eq, {said}, algorithms: {{online: {{PPO: {{gamma: 0.9}}}}}}}}}}\n"
+        f"processes: {{Own: {{model: models/tank.eq, {wording}, algorithms: {{online: {{PPO: {{gamma: 0.9}}}}}}}}}}\n"
         "algorithms: {online: {PPO: {n_steps: 64}}, offline: {AWAC: {gamma: 0.8}}}\n"
         "budgets: {short: {validation: 7}}\n"
     )
-    (tmp_path / "by_path.yaml").write_text(f"processes: {{Tank: {{{said.partition(', arg')[0]}}}}}\n")
+    (tmp_path / "by_path.yaml").write_text(f"processes: {{Tank: {{{wording.partition(', arg')[0]}}}}}\n")
     found = [Trial(0, {}, -3.0, "complete"), Trial(1, {"gamma": 0.5, "batch_size": 64}, -1.0, "complete")]
     absolute = str(tmp_path / "models/tank.eq")
     for env, config, suite, algorithm in (

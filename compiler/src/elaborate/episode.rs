@@ -28,6 +28,7 @@ mod regular;
 mod rewards;
 mod settings;
 mod starts;
+mod steady;
 mod together;
 mod trials;
 mod unknown;
@@ -60,7 +61,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
     let blocks = &l.instances.blocks;
     let (mut episode, mut solver) = settings::settings(l, blocks);
     let parameters = parameters::parameter_program(l);
-    let steady = initial::steady_program(l, blocks);
+    let steady = steady::steady_program(l, blocks);
     let (initial_states, mut initial_discretes) = initial::initial_programs(l, blocks);
     let (conditions, start_conditions) = starts::start_conditions(l, blocks);
     let disturb = parameters::disturbance_program(l);
@@ -102,7 +103,7 @@ pub(in crate::elaborate) fn elaborate_control(l: &mut Lowering<'_, '_>) -> Contr
         phases: phases::schedule_phases(l),
         finish: ending.finish,
         invariants,
-        steady: (steady.said || l.hidden.steady).then_some(steady.problem),
+        steady: (steady.declared || l.hidden.steady).then_some(steady.problem),
         start_conditions,
         start_resets: instants.start_resets,
         tests,

@@ -246,12 +246,12 @@ fn equations_before_matching_are_checked_as_well() {
     let value = model.exprs.constant(0.0);
     let equation = |extents: Vec<u32>, form| Equation { extents, runs: 0, repeats: None, form, span: Default::default() };
     let rate = |extents, stride| equation(extents, EquationForm::Rate { var: own, at: Affine::along(0, LoopVar(0), stride), value });
-    let said = |equation: Equation| verify_equations(&model, &[equation]).err().map(|v| v.to_string()).unwrap_or_default();
-    assert_eq!(said(rate(vec![4], 1)), "");
-    assert_eq!(said(rate(vec![4], 2)), "equations[0]: `c`: elements 0 to 6 of 4");
-    assert_eq!(said(rate(vec![], 1)), "equations[0]: `c`: an address follows counter 0 outside of its loop");
-    assert!(said(equation(vec![], EquationForm::Implicit { residual: condition })).contains("is a truth value"));
+    let violation = |equation: Equation| verify_equations(&model, &[equation]).err().map(|v| v.to_string()).unwrap_or_default();
+    assert_eq!(violation(rate(vec![4], 1)), "");
+    assert_eq!(violation(rate(vec![4], 2)), "equations[0]: `c`: elements 0 to 6 of 4");
+    assert_eq!(violation(rate(vec![], 1)), "equations[0]: `c`: an address follows counter 0 outside of its loop");
+    assert!(violation(equation(vec![], EquationForm::Implicit { residual: condition })).contains("is a truth value"));
     let sum = model.exprs.raw(Expr::Binary(BinaryFn::Add, condition, condition));
-    let said = verify_equations(&model, &[equation(vec![], EquationForm::Implicit { residual: sum })]);
-    assert!(said.is_err());
+    let violation = verify_equations(&model, &[equation(vec![], EquationForm::Implicit { residual: sum })]);
+    assert!(violation.is_err());
 }

@@ -20,7 +20,7 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
     } else {
         span(context.file, context.offset + at, context.offset + at + found.len())
     };
-    if let Some((message, help)) = meant(&text[..at], &text[at..], context.keyword) {
+    if let Some((message, help)) = known_mistake(&text[..at], &text[at..], context.keyword) {
         return Diagnostic::error(codes::SYNTAX, message, place).help(help);
     }
     if found.is_empty()
@@ -46,7 +46,7 @@ pub(super) fn syntax_error(error: &Error<Rule>, text: &str, context: &Context<'_
 }
 
 /// Message and help for what is written elsewhere, and differently here.
-fn meant(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
+fn known_mistake(before: &str, after: &str, keyword: &str) -> Option<(String, String)> {
     let found = token(after);
     let written = before.trim_end();
     let (message, help) = match found {

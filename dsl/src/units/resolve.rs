@@ -46,7 +46,7 @@ fn named(symbol: &Ident, own: &OwnUnits) -> Result<Unit, Diagnostic> {
         let words = words::CLAUSES.iter().copied().filter(|word| word.len() > 4 && symbol.text.len() > 4);
         Diagnostic::error(codes::UNKNOWN_UNIT, message, symbol.span)
             .label("not a unit")
-            .maybe_help(declared.or_else(|| did_you_mean(&symbol.text, words)).or_else(|| meant(&symbol.text)))
+            .maybe_help(declared.or_else(|| did_you_mean(&symbol.text, words)).or_else(|| known_spelling(&symbol.text)))
     })
 }
 
@@ -58,7 +58,7 @@ fn overflow(span: Span) -> Diagnostic {
 const LONGEST: usize = 32;
 
 /// Probable intention of an unknown symbol.
-fn meant(symbol: &str) -> Option<String> {
+fn known_spelling(symbol: &str) -> Option<String> {
     if let Some((_, known)) = table::SYNONYMS.iter().find(|(other, _)| *other == symbol) {
         return Some(format!("did you mean `{known}`?"));
     }

@@ -98,8 +98,8 @@ def _of_file(file: str, what: str) -> Iterator[None]:
     except ImportError:
         raise
     except Exception as error:
-        said = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {said}") from error
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ValueError(f"policy file {file!r} cannot be read as one of {what}: {reason}") from error
 
 
 @contextlib.contextmanager

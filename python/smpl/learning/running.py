@@ -55,9 +55,9 @@ def drawn_parameters(plan: Plan) -> tuple[str, ...]:
 
 
 def _about(plan: Plan, job: Job, error: Exception) -> RunError:
-    name, said = plan.agents[job.agent].name, str(error)
+    name, reason = plan.agents[job.agent].name, str(error)
     if not isinstance(error, (ValueError, SimulationError)):
         # A fault of the controller's own: what it is, and where.
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})"
-    return RunError(f"episode {job.index} (seed {job.seed}, controller {name}): {said}")
+        reason = f"{type(error).__name__}: {error} ({Path(frame.filename).name}, line {frame.lineno})"
+    return RunError(f"episode {job.index} (seed {job.seed}, controller {name}): {reason}")

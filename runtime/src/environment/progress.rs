@@ -116,7 +116,7 @@ pub(super) struct Replay {
     /// The last value holds where the record has ended.
     pub(super) holds: bool,
     /// That it holds was asked for by name.
-    pub(super) meant: bool,
+    pub(super) asked_to_hold: bool,
 }
 
 impl Replay {

@@ -461,11 +461,17 @@ impl Environment {
             if values.iter().any(|v| !v.is_finite()) {
                 return Err(ResetError::NotFinite { what: format!("disturbance `{name}`") });
             }
-            let meant = match recorded.contains_key(name) {
+            let asked_to_hold = match recorded.contains_key(name) {
                 true => options.held.contains(name),
                 false => values.len() == 1 || setup.options.held.contains(name),
             };
-            self.replay.push(Replay { at, first: options.first_step, values: values.clone(), holds: options.hold_records || meant, meant });
+            self.replay.push(Replay {
+                at,
+                first: options.first_step,
+                values: values.clone(),
+                holds: options.hold_records || asked_to_hold,
+                asked_to_hold,
+            });
         }
         Ok(())
     }

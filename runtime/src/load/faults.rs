@@ -19,8 +19,8 @@ pub(super) fn settings_as_text(sources: &mut SourceMap, options: &LoadOptions) -
 /// The front end knows names and values of a scenario and of settings, but not their places. Each
 /// diagnostic is moved to the name in the scenario's file or in the settings, and reported once.
 pub(super) fn place_scenario_faults(diagnostics: &mut Vec<Diagnostic>, scenario: &Scenario, sources: &SourceMap, settings: Option<FileId>) {
-    let mut said = BTreeSet::new();
-    diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || said.insert(d.message.clone()));
+    let mut seen = BTreeSet::new();
+    diagnostics.retain(|d| d.code != codes::BAD_SCENARIO || seen.insert(d.message.clone()));
     for diagnostic in diagnostics.iter_mut().filter(|d| d.code == codes::BAD_SCENARIO && d.primary.span == Span::default()) {
         let name = diagnostic.asked.as_deref();
         let line = |name| settings.and_then(|file| setting_line(sources, file, name));

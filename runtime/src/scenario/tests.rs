@@ -86,7 +86,7 @@ fn a_value_of_the_wrong_kind_is_refused() {
         assert!(message.contains(" is ") && message.contains(", not ") && found == line, "{text}: {found}: {message}");
     }
 
-    for (text, said) in [
+    for (text, expected) in [
         ("solver: 3\n", "`solver` is a mapping from solver settings to values, not 3"),
         ("solver: [1]\n", "`solver` is a mapping from solver settings to values, not a list"),
         ("solver: {rtol: small}\n", "`solver.rtol` is a number, not \"small\""),
@@ -109,7 +109,7 @@ fn a_value_of_the_wrong_kind_is_refused() {
         ("reactor\n", "a scenario is a mapping of keys with values, not \"reactor\""),
     ] {
         let (message, ..) = parse(text).map(|_| ()).unwrap_err();
-        assert_eq!(message, said, "{text}");
+        assert_eq!(message, expected, "{text}");
     }
     let (message, _, _, help) = parse("disturbances: {z: {valus: 3}}\n").map(|_| ()).unwrap_err();
     assert_eq!((message.as_str(), help.as_deref()), ("unknown key `valus` in a disturbance", Some("did you mean `values`?")));

@@ -223,7 +223,7 @@ fn an_element_that_is_set_is_not_drawn() {
 #[test]
 fn what_a_setting_cannot_be_is_said_with_what_can_be() {
     let model = file("unknown", "m.eq", COOLER);
-    for (set, said) in [
+    for (set, wording) in [
         ("fault[4]=1", "fault[1], fault[2], fault[3]"),
         ("fault[x]=1", "not an element of the parameter `fault`"),
         ("fault=[0, 1]", "has 3 elements, not 2"),
@@ -246,7 +246,7 @@ fn what_a_setting_cannot_be_is_said_with_what_can_be() {
         let shown = text(&output.stderr);
         assert_eq!(status(&output), 1, "{set}: {shown}");
         let unwrapped = shown.lines().map(|l| l.trim_start_matches([' ', '│', '×', '✖'])).collect::<Vec<_>>().join(" ");
-        assert!(unwrapped.contains(said) && shown.contains("settings:1:1"), "{set}: {shown}");
+        assert!(unwrapped.contains(wording) && shown.contains("settings:1:1"), "{set}: {shown}");
     }
 }
 
@@ -280,7 +280,7 @@ fn solver_settings_have_one_range_in_scenarios_and_settings() {
 #[test]
 fn faults_of_a_scenario_stand_where_they_are() {
     let model = file("places", "m.eq", COOLER);
-    for (content, said, place) in [
+    for (content, wording, place) in [
         (&b"max_steps: 3\ninitial: {nope: 1}\n"[..], "unknown state or discrete variable `nope`", ":2:11"),
         (b"parameters:\n  k: 9\n", "is outside its bounds", ":2:3"),
         (b"initial:\n  T: -5\n", "is outside its bounds", ":2:3"),
@@ -301,7 +301,7 @@ fn faults_of_a_scenario_stand_where_they_are() {
         let shown = text(&output.stderr);
         assert_eq!(status(&output), 1, "{}: {shown}", String::from_utf8_lossy(content));
         let unwrapped = shown.lines().map(|l| l.trim_start_matches([' ', '│', '×', '✖'])).collect::<Vec<_>>().join(" ");
-        assert!(unwrapped.contains(said) && shown.contains(&format!("s.yaml{place}")), "{}: {shown}", String::from_utf8_lossy(content));
+        assert!(unwrapped.contains(wording) && shown.contains(&format!("s.yaml{place}")), "{}: {shown}", String::from_utf8_lossy(content));
     }
     let scenario = file("places", "right.yaml", "initial: {T: \"uniform(20, 21)\"}\n");
     let row = last_row(&smpl(&["simulate", name(&model), "--scenario", name(&scenario), "--steps", "1", "--set", "k=0", "--out", "-"]));
@@ -311,7 +311,7 @@ fn faults_of_a_scenario_stand_where_they_are() {
 
 #[test]
 fn what_no_model_can_mean_is_refused_in_its_text() {
-    for (wrong, right, said) in [
+    for (wrong, right, wording) in [
         ("= 0.5 in 0..4", "= 5 in 0..4", "is outside its bounds 0..4 1/min"),
         ("= 10 in 0..100", "= 10 in 0..100 scale 0", "scale of `T` must be a positive number"),
         ("= 10 in 0..100", "= 10 in 0..100 scale -1", "scale of `T` must be a positive number"),
@@ -324,7 +324,7 @@ fn what_no_model_can_mean_is_refused_in_its_text() {
         let model = file("meaning", "m.eq", COOLER.replacen(wrong, right, 1));
         let output = smpl(&["check", name(&model)]);
         assert_eq!(status(&output), 1, "{right}");
-        assert!(text(&output.stderr).contains(said), "{right}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains(wording), "{right}: {}", text(&output.stderr));
     }
 }
 
@@ -340,10 +340,10 @@ fn a_compiled_model_runs_under_what_it_was_compiled_for_and_not_otherwise() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
         command.args(arguments).env("XDG_DATA_HOME", &home).output().expect("smpl runs")
     };
-    let refused = |arguments: &[&str], said: &str| {
+    let refused = |arguments: &[&str], wording: &str| {
         let output = run(arguments);
         assert_eq!(status(&output), 1, "{arguments:?}");
-        assert!(text(&output.stderr).contains(said), "{arguments:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains(wording), "{arguments:?}: {}", text(&output.stderr));
     };
     assert_eq!(status(&run(&["compile", m])), 0);
     assert_eq!(status(&run(&["simulate", c])), 0);
@@ -426,12 +426,12 @@ fn check_warns_of_what_is_hardly_meant() {
     let sound = file("lints", "m.eq", COOLER);
     let output = smpl(&["check", name(&sound)]);
     assert!(status(&output) == 0 && output.stderr.is_empty(), "{}", text(&output.stderr));
-    for (before, after, code, said) in cases {
+    for (before, after, code, wording) in cases {
         assert!(COOLER.contains(before));
         let model = file("lints", "w.eq", COOLER.replacen(before, after, 1));
         let output = smpl(&["check", name(&model)]);
         let shown = text(&output.stderr);
-        assert!(status(&output) == 0 && shown.contains(code) && shown.contains(said), "{after}: {shown}");
+        assert!(status(&output) == 0 && shown.contains(code) && shown.contains(wording), "{after}: {shown}");
         assert_eq!(shown.matches('⚠').count(), 1, "{shown}");
         assert!(smpl(&["simulate", name(&model)]).stderr.is_empty(), "{after}");
     }
@@ -502,8 +502,8 @@ fn fitting_without_the_python_package_says_what_is_missing() {
     for python in ["/nowhere/python", env!("CARGO_BIN_EXE_smpl")] {
         let output = command(python);
         assert_eq!(status(&output), 1, "{}", text(&output.stdout));
-        let said = text(&output.stderr);
-        assert!(said.contains(python) && said.contains("install it and SciPy there") && said.contains("SMPL_PYTHON"), "{said}");
+        let wording = text(&output.stderr);
+        assert!(wording.contains(python) && wording.contains("install it and SciPy there") && wording.contains("SMPL_PYTHON"), "{wording}");
     }
 }
 
@@ -513,8 +513,11 @@ fn commands_of_the_python_package_name_it_where_it_is_missing() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_smpl"));
         let output = command.env("SMPL_PYTHON", "/nowhere/python").args([name, "reactor", "--help"]).output().expect("smpl runs");
         assert_eq!(status(&output), 1, "{}", text(&output.stdout));
-        let said = text(&output.stderr);
-        assert!(said.contains(&format!("smpl {name} is done by the Python package")) && said.contains("/nowhere/python"), "{said}");
+        let wording = text(&output.stderr);
+        assert!(
+            wording.contains(&format!("smpl {name} is done by the Python package")) && wording.contains("/nowhere/python"),
+            "{wording}"
+        );
     }
 }
 

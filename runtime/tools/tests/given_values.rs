@@ -153,14 +153,14 @@ fn what_is_held_away_from_rest_is_counted_by_its_kind() {
                 eq d/dt x = (1 - x)/1 [s]\neq d/dt y = (1 - y)/1 [s]\n";
     let folder = Folder::new("held", text);
     folder.file("sum.eq", format!("{text}steady {{ A + B = 6 }}\n"));
-    for (arguments, said) in [
+    for (arguments, wording) in [
         (&["m.eq", "--fix", "A=2", "--fix", "x=1.5"][..], "2 states are held at given values and not all at rest, the largest rate: d/dt "),
         (&["sum.eq"], "1 condition is held at a given value and not at rest: d/dt "),
         (&["sum.eq", "--fix", "x=1.5"], "1 state and 1 condition are held at given values and not all at rest, the largest rate: d/dt "),
         (&["sum.eq", "--fix", "x=3", "--fix", "y=2"], "2 states and 1 condition are held at given values"),
     ] {
         let shown = stdout(&folder.smpl(&[&["steady"], arguments].concat()));
-        assert!(shown.contains(said), "{arguments:?}: {shown}");
+        assert!(shown.contains(wording), "{arguments:?}: {shown}");
     }
 }
 

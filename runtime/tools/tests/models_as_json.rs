@@ -166,30 +166,30 @@ static TEXTS: std::sync::LazyLock<[String; 4]> = std::sync::LazyLock::new(|| {
 #[test]
 fn errors_name_the_place() {
     let value: Value = serde_json::from_str(&text_of("tests/problems/robertson_dae.eq")).expect("is JSON");
-    let said = |change: &dyn Fn(&mut Value)| {
+    let wording = |change: &dyn Fn(&mut Value)| {
         let mut changed = value.clone();
         change(&mut changed);
         read(&changed.to_string()).err().map(|error| error.to_string()).unwrap_or_default()
     };
-    assert!(said(&|v| v["version"] = 1.into()).starts_with("version 1 of the form; this program reads version 3"));
-    assert_eq!(said(&|v| v["episode"]["step"] = (-1.0).into()), "episode.step: expected a number that is positive and finite, found -1");
+    assert!(wording(&|v| v["version"] = 1.into()).starts_with("version 1 of the form; this program reads version 3"));
+    assert_eq!(wording(&|v| v["episode"]["step"] = (-1.0).into()), "episode.step: expected a number that is positive and finite, found -1");
     let port = |output: &str, equals: &str| {
         let member = serde_json::json!({"name": "Q", "output": output, "equals": equals});
         Value::Array(vec![serde_json::json!({"name": "R.inlet", "connector": "Stream", "members": [member]})])
     };
-    assert_eq!(said(&|v| v["ports"] = port("nothing", "nothing")), "ports[0].members[0].output: there is no such output");
-    assert!(said(&|v| v["surplus"] = 1.into()).contains("unknown field `surplus`, expected one of `format`, "));
-    assert!(said(&|v| v["expressions"][0] = Value::Array(vec!["cosine".into(), 0.into()])).contains("expressions[0]: unknown kind"));
+    assert_eq!(wording(&|v| v["ports"] = port("nothing", "nothing")), "ports[0].members[0].output: there is no such output");
+    assert!(wording(&|v| v["surplus"] = 1.into()).contains("unknown field `surplus`, expected one of `format`, "));
+    assert!(wording(&|v| v["expressions"][0] = Value::Array(vec!["cosine".into(), 0.into()])).contains("expressions[0]: unknown kind"));
     let after = |at: usize| Value::Array(vec!["sqrt".into(), at.into()]);
-    assert!(said(&|v| v["expressions"][1] = after(1)).starts_with("expressions[1]: there is no node 1"));
-    assert!(said(&|v| v["equations"][0]["extents"] = Value::Array(vec![2.into()])).contains("equations[0]"));
-    assert!(said(&|v| drop(v["equations"].as_array_mut().map(Vec::pop))).contains("no equation for element 0 of `"));
-    assert!(said(&|v| v["elements"]["states"][0]["unit"] = "kg".into()).starts_with("elements.states[0].unit: the `quantities` state"));
-    assert!(said(&|v| v["explicit"] = (!v["explicit"].as_bool().unwrap_or(true)).into()).starts_with("explicit: "));
-    assert!(said(&|v| v["episode"]["step"] = "long".into()).starts_with("episode.step: invalid type: string \"long\""));
-    assert!(said(&|v| v["equations"][0]["residual"] = 100_000.into()).starts_with("equations[0]: there is no node 100000"));
-    assert!(said(&|v| v["unknowns"][0] = 100_000.into()).starts_with("unknowns[0]: there is no variable 100000"));
-    assert!(said(&|v| v["variables"][0]["role"] = "cache".into()).starts_with("variables[0].role: caches"));
+    assert!(wording(&|v| v["expressions"][1] = after(1)).starts_with("expressions[1]: there is no node 1"));
+    assert!(wording(&|v| v["equations"][0]["extents"] = Value::Array(vec![2.into()])).contains("equations[0]"));
+    assert!(wording(&|v| drop(v["equations"].as_array_mut().map(Vec::pop))).contains("no equation for element 0 of `"));
+    assert!(wording(&|v| v["elements"]["states"][0]["unit"] = "kg".into()).starts_with("elements.states[0].unit: the `quantities` state"));
+    assert!(wording(&|v| v["explicit"] = (!v["explicit"].as_bool().unwrap_or(true)).into()).starts_with("explicit: "));
+    assert!(wording(&|v| v["episode"]["step"] = "long".into()).starts_with("episode.step: invalid type: string \"long\""));
+    assert!(wording(&|v| v["equations"][0]["residual"] = 100_000.into()).starts_with("equations[0]: there is no node 100000"));
+    assert!(wording(&|v| v["unknowns"][0] = 100_000.into()).starts_with("unknowns[0]: there is no variable 100000"));
+    assert!(wording(&|v| v["variables"][0]["role"] = "cache".into()).starts_with("variables[0].role: caches"));
     assert!(matches!(read("{"), Err(ReadError::Syntax(_))));
 }
 

@@ -69,8 +69,8 @@ fn episodes_are_the_runs_of_their_seeds_bit_for_bit() {
 fn sweeps_are_crossed_and_give_what_the_equations_say() {
     let folder = folder("sweep");
     let sweeps = ["--sweep", "k=0.5..1.5:3", "--sweep", "double=false,true", "--sweep", "x=1,2"];
-    let said = succeeds(&folder, &[&["simulate", "decay.eq", "--summary", "s.csv", "--out", "all.csv"], &sweeps[..]].concat());
-    assert!(said.contains("12 runs"), "{said}");
+    let wording = succeeds(&folder, &[&["simulate", "decay.eq", "--summary", "s.csv", "--out", "all.csv"], &sweeps[..]].concat());
+    assert!(wording.contains("12 runs"), "{wording}");
     let path = folder.join("all.csv");
     let (k, start, time, x) = (numbers(&path, "k"), numbers(&path, "sweep.x"), numbers(&path, "time"), column(&path, "double"));
     assert_eq!(k.len(), 12 * 4 - said_steps_lost(&folder));
@@ -92,7 +92,7 @@ fn said_steps_lost(folder: &Path) -> usize {
 #[test]
 fn the_summary_has_returns_ends_and_drawn_parameters() {
     let folder = folder("summary");
-    let said = succeeds(&folder, &["simulate", "decay.eq", "--sweep", "k=0.5,2.5", "--summary", "s.csv"]);
+    let wording = succeeds(&folder, &["simulate", "decay.eq", "--sweep", "k=0.5,2.5", "--summary", "s.csv"]);
     let path = folder.join("s.csv");
     let sums = numbers(&path, "return");
     // x after each of three steps; with k = 2.5 the second one, exp(-5), is below 0.01 and ends the run.
@@ -100,7 +100,7 @@ fn the_summary_has_returns_ends_and_drawn_parameters() {
     assert!((sums[0] - expected).abs() < 1e-6, "{sums:?}");
     assert_eq!(column(&path, "end"), ["time limit", "gone"]);
     assert_eq!(column(&path, "steps"), ["3", "2"]);
-    assert!(said.contains("1 gone") && said.contains("1 time limit"), "{said}");
+    assert!(wording.contains("1 gone") && wording.contains("1 time limit"), "{wording}");
     succeeds(&folder, &["simulate", "decay.eq", "--episodes", "4", "--summary", "drawn.csv"]);
     let drawn = numbers(&folder.join("drawn.csv"), "param.k");
     assert!(drawn.iter().all(|k| (0.5..1.5).contains(k)) && drawn.windows(2).all(|pair| pair[0] != pair[1]), "{drawn:?}");
@@ -180,8 +180,8 @@ fn saved_tables_are_drawn_over_one_another() {
 #[test]
 fn a_new_model_checks_runs_and_is_laid_out() {
     let folder = folder("new");
-    let said = succeeds(&folder, &["new", "tank"]);
-    assert!(said.contains("tank.eq"), "{said}");
+    let wording = succeeds(&folder, &["new", "tank"]);
+    assert!(wording.contains("tank.eq"), "{wording}");
     let checked = smpl(&folder, &["check", "tank.eq"]);
     assert!(checked.status.success() && checked.stderr.is_empty(), "{}", String::from_utf8_lossy(&checked.stderr));
     succeeds(&folder, &["fmt", "--check", "tank.eq"]);

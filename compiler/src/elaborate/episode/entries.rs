@@ -14,7 +14,7 @@ pub(in crate::elaborate) enum Block {
 
 /// Entries of the blocks.
 #[derive(Default)]
-pub(in crate::elaborate) struct Said {
+pub(in crate::elaborate) struct EntryValues {
     pub episode: Episode,
     pub solver: Solver,
     /// The interval of integration; else it is the step.
@@ -35,21 +35,21 @@ pub(in crate::elaborate) struct Entry {
 /// Accepted values of an entry, and their destination.
 pub(in crate::elaborate) enum Takes {
     /// A positive time.
-    Duration(fn(&mut Said) -> &mut f64),
+    Duration(fn(&mut EntryValues) -> &mut f64),
     /// The interval of integration, or another positive time; the function stores it.
-    Interval(fn(&mut Said) -> &mut Option<f64>),
+    Interval(fn(&mut EntryValues) -> &mut Option<f64>),
     /// A positive number.
-    Positive(fn(&mut Said) -> &mut f64),
+    Positive(fn(&mut EntryValues) -> &mut f64),
     /// A relative tolerance; the function stores it.
-    Tolerance(fn(&mut Said, f64)),
+    Tolerance(fn(&mut EntryValues, f64)),
     /// A number.
-    Number(fn(&mut Said) -> &mut f64),
+    Number(fn(&mut EntryValues) -> &mut f64),
     /// An order of the method.
-    Order(fn(&mut Said) -> &mut u32),
+    Order(fn(&mut EntryValues) -> &mut u32),
     /// A whole number of at least 1, see [`is_count`].
-    Count(fn(&mut Said) -> &mut u32),
+    Count(fn(&mut EntryValues) -> &mut u32),
     /// A condition.
-    Truth(fn(&mut Said) -> &mut bool),
+    Truth(fn(&mut EntryValues) -> &mut bool),
     /// One of several names.
     Name(&'static Names),
 }
@@ -76,16 +76,16 @@ pub(in crate::elaborate) struct Names {
     /// They as a text.
     pub text: &'static str,
     /// Puts what is of a name where it belongs; `false` where nothing is.
-    pub put: fn(&mut Said, &str) -> bool,
+    pub put: fn(&mut EntryValues, &str) -> bool,
 }
 
 static LINEAR_SOLVERS: Names = Names {
     what: "linear solver",
     text: LinearSolver::TEXT,
-    put: |said, name| put_found(&mut said.solver.linear_solver, LinearSolver::from_name(name)),
+    put: |values, name| put_found(&mut values.solver.linear_solver, LinearSolver::from_name(name)),
 };
 static METHODS: Names =
-    Names { what: "method", text: Method::TEXT, put: |said, name| put_found(&mut said.solver.method, Method::from_name(name)) };
+    Names { what: "method", text: Method::TEXT, put: |values, name| put_found(&mut values.solver.method, Method::from_name(name)) };
 
 fn put_found<T>(to: &mut T, found: Option<T>) -> bool {
     found.map(|found| *to = found).is_some()

@@ -127,11 +127,11 @@ fn bounded(items: Vec<BoxItem>, pieces: Vec<Piece<(Affine, ExprId)>>) -> Option<
 }
 
 /// Every state, in declaration order; by a statement, or by the level `full`.
-pub(super) fn observe_states(l: &mut Lowering<'_, '_>, said: Option<Span>, out: &mut Observations) {
+pub(super) fn observe_states(l: &mut Lowering<'_, '_>, span: Option<Span>, out: &mut Observations) {
     let base = out.names.len();
     let order = state_positions(l);
     let total: usize = order.iter().map(|(_, list)| list.len()).sum();
-    if !l.ledger.may_name(total, said.unwrap_or_default()) {
+    if !l.ledger.may_name(total, span.unwrap_or_default()) {
         return;
     }
     let mut names: Vec<Option<Observed>> = vec![None; total];

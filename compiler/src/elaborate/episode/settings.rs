@@ -6,7 +6,7 @@ use smpl_dsl::syntax::{Expr, ExprKind, Ident, StatementKind};
 use smpl_dsl::units::Unit;
 
 use crate::elaborate::episode::common::each;
-use crate::elaborate::episode::entries::{Block, COUNT_TEXT, ENTRIES, ORDER_TEXT, Said, Takes, is_count, is_order, setting_entry};
+use crate::elaborate::episode::entries::{Block, COUNT_TEXT, ENTRIES, EntryValues, ORDER_TEXT, Takes, is_count, is_order, setting_entry};
 use crate::elaborate::ledger::Ledger;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::structural::whole;
@@ -19,7 +19,7 @@ use crate::model::{Episode, Solver};
 
 /// Entries of the blocks `episode` and `solver`.
 pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeId, Vec<Item<'_>>)]) -> (Episode, Solver) {
-    let mut said = Said::default();
+    let mut values = EntryValues::default();
     let mut given = Vec::new();
     for (scope, item) in each(blocks) {
         let Item::Other(statement) = item else { continue };
@@ -39,24 +39,24 @@ pub(in crate::elaborate) fn settings(l: &mut Lowering<'_, '_>, blocks: &[(ScopeI
                 }
                 None => given.push((block, name.text.clone(), here, name.span)),
             }
-            entry_of_text(l, block, (name, e), &place, &mut said);
+            entry_of_text(l, block, (name, e), &place, &mut values);
         }
     }
     // An `rtol` from outside holds for every method.
     if l.input.options.settings.contains_key("rtol") {
-        said.solver.one_step_rtol = None;
+        values.solver.one_step_rtol = None;
     }
     for (name, value) in &l.input.options.settings {
-        entry_of_settings(l, name, value, &mut said);
+        entry_of_settings(l, name, value, &mut values);
     }
     if let Some(n) = l.input.options.max_steps {
-        said.episode.max_steps = n;
+        values.episode.max_steps = n;
     }
-    said.episode.integrate = said.integrate.unwrap_or(said.episode.step);
-    l.names.step = said.episode.step;
+    values.episode.integrate = values.integrate.unwrap_or(values.episode.step);
+    l.names.step = values.episode.step;
     let span = given.iter().find(|(block, name, ..)| *block == Block::Episode && name == "cycle").map(|(.., span)| *span);
-    check_cycle(l, &said.episode, span);
-    (said.episode, said.solver)
+    check_cycle(l, &values.episode, span);
+    (values.episode, values.solver)
 }
 
 /// Refuses a period that is not a multiple of the step.
@@ -70,22 +70,22 @@ fn check_cycle(l: &mut Lowering<'_, '_>, episode: &Episode, span: Option<Span>) 
 }
 
 /// An entry of a block of the text.
-fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Expr), place: &Place, said: &mut Said) {
+fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Expr), place: &Place, values: &mut EntryValues) {
     let Some(entry) = ENTRIES.iter().find(|entry| entry.block == block && entry.name == name.text) else {
         return l.ledger.unknown_entry(name, block);
     };
     let time = l.symbols.time_unit.clone();
     match &entry.takes {
-        Takes::Duration(to) => put(to(said), positive(l, name, e, &time, place)),
-        Takes::Interval(to) => *to(said) = positive(l, name, e, &time, place),
-        Takes::Positive(to) => put(to(said), positive(l, name, e, &Unit::one(), place)),
+        Takes::Duration(to) => put(to(values), positive(l, name, e, &time, place)),
+        Takes::Interval(to) => *to(values) = positive(l, name, e, &time, place),
+        Takes::Positive(to) => put(to(values), positive(l, name, e, &Unit::one(), place)),
         Takes::Tolerance(to) => {
             if let Some(rtol) = within(l, name, e, place, |x| Solver::RTOL.contains(&x), Solver::RTOL_TEXT) {
-                to(said, rtol);
+                to(values, rtol);
             }
         }
-        Takes::Order(to) => put(to(said), whole_number(l, name, e, place, is_order, ORDER_TEXT)),
-        Takes::Count(to) => put(to(said), whole_number(l, name, e, place, is_count, COUNT_TEXT)),
+        Takes::Order(to) => put(to(values), whole_number(l, name, e, place, is_order, ORDER_TEXT)),
+        Takes::Count(to) => put(to(values), whole_number(l, name, e, place, is_count, COUNT_TEXT)),
         // Rewards carry their own units; a number without a unit is taken in each.
         Takes::Number(to) => {
             let v = l.value(e, place);
@@ -94,7 +94,7 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
             }
             match defaults::constant_value(l, v.expr) {
                 Some(x) if x.is_finite() => {
-                    *to(said) = x;
+                    *to(values) = x;
                     l.names.error_reward = match v.unit {
                         Measure::Of(unit) if !units::is_plain_number(&unit) => Some((unit, e.span)),
                         _ => None,
@@ -107,9 +107,9 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
                 None => l.ledger.missing_value(&format!("`{}`", name.text), e.span),
             }
         }
-        Takes::Truth(to) => *to(said) = holds(l, e, place),
+        Takes::Truth(to) => *to(values) = holds(l, e, place),
         Takes::Name(names) => {
-            if !matches!(&e.kind, ExprKind::Name(n) if (names.put)(said, &n.text)) {
+            if !matches!(&e.kind, ExprKind::Name(n) if (names.put)(values, &n.text)) {
                 l.ledger.report(Diagnostic::error(codes::BAD_SETTING, format!("the {} is {}", names.what, names.text), e.span));
             }
         }
@@ -117,14 +117,14 @@ fn entry_of_text(l: &mut Lowering<'_, '_>, block: Block, (name, e): (&Ident, &Ex
 }
 
 /// An entry that is set from outside.
-fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said: &mut Said) {
+fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, values: &mut EntryValues) {
     let Some(entry) = setting_entry(name).filter(|_| !l.symbols.parameters_named(name)) else { return };
     let number = match value {
         Setting::Number(x) => *x,
         _ => f64::NAN,
     };
     let refused = match &entry.takes {
-        Takes::Name(names) => (!matches!(value, Setting::Text(text) if (names.put)(said, text))).then_some(names.text),
+        Takes::Name(names) => (!matches!(value, Setting::Text(text) if (names.put)(values, text))).then_some(names.text),
         takes => takes.refuses(number),
     };
     if let Some(expected) = refused {
@@ -137,14 +137,14 @@ fn entry_of_settings(l: &mut Lowering<'_, '_>, name: &str, value: &Setting, said
         return;
     }
     match &entry.takes {
-        Takes::Interval(to) => *to(said) = Some(number),
+        Takes::Interval(to) => *to(values) = Some(number),
         Takes::Number(to) => {
-            *to(said) = number;
+            *to(values) = number;
             l.names.error_reward = None;
         }
-        Takes::Tolerance(to) => to(said, number),
-        Takes::Duration(to) | Takes::Positive(to) => *to(said) = number,
-        Takes::Order(to) | Takes::Count(to) => *to(said) = number as u32,
+        Takes::Tolerance(to) => to(values, number),
+        Takes::Duration(to) | Takes::Positive(to) => *to(values) = number,
+        Takes::Order(to) | Takes::Count(to) => *to(values) = number as u32,
         Takes::Name(_) | Takes::Truth(_) => {}
     }
 }

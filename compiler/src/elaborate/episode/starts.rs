@@ -6,7 +6,7 @@ use smpl_dsl::span::Span;
 use smpl_dsl::syntax::{Binder, Expr, Statement, StatementKind};
 
 use crate::elaborate::episode::common::{each, store};
-use crate::elaborate::episode::initial::{instances_named, states_of_instances};
+use crate::elaborate::episode::steady::{instances_named, states_of_instances};
 use crate::elaborate::equations::sides;
 use crate::elaborate::lower::place::{Place, Site};
 use crate::elaborate::lower::{Lowering, boxes, nests};

@@ -140,7 +140,7 @@ pub(super) fn run(arguments: &SimulateArguments) -> Result<(), Failed> {
         let note = format!("{}; {part}{count} runs", arguments.circumstances());
         sketch.write_runs(&table::pictures(&keys, &outcomes), &points[0].setup, note)?;
     }
-    outputs::conclude(&said(&keys, &outcomes, spent), &written)
+    outputs::conclude(&conclusion(&keys, &outcomes, spent), &written)
 }
 
 /// Compiles what has to be compiled, each only once.
@@ -352,7 +352,7 @@ fn add(outcome: &mut RunResult, environment: &mut Environment, result: &StepResu
 }
 
 /// Printed summary: number of runs, returns, ends, and a line for each combination.
-fn said(keys: &table::Keys<'_>, outcomes: &[RunResult], spent: f64) -> String {
+fn conclusion(keys: &table::Keys<'_>, outcomes: &[RunResult], spent: f64) -> String {
     let steps: u64 = outcomes.iter().map(|o| u64::from(o.steps)).sum();
     let interface = keys.points[0].setup.model().interface();
     let reward = interface.finish.rewards.get(keys.points[0].setup.reward).map_or("reward", |r| r.name.as_str());
