@@ -10,9 +10,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from smpl.controllers import NMPC
 from smpl.envs import Env
 from smpl.learning.formulation import Formulation
 from smpl.learning.plan import Task
-from smpl.support.arguments import FloatArray, as_count, check_names, check_numbers
+from smpl.support.arguments import FloatArray
 from smpl.support.optional import load
+from smpl_benchmarks.hyperparameters import Checked
 
 NAME = "DiffNMPC"
 # Difference of an episode and its derivation, relative to the largest value.
@@ -32,7 +33,7 @@ _ADAM = (0.9, 0.99, 1e-8)
 
 
 @dataclass(frozen=True)
-class Hyperparameters:
+class Hyperparameters(Checked):
     """Hyperparameters of `DiffNMPC`.
 
     Attributes:
@@ -42,6 +43,9 @@ class Hyperparameters:
         episodes: episodes of an update.
         most: largest derivative of an episode's return that counts, by its norm.
     """
+
+    NAME: ClassVar[str] = NAME
+    COUNTS: ClassVar[tuple[str, ...]] = ("episodes",)
 
     nmpc: Mapping[str, Any] = field(default_factory=dict)
     tuned: tuple[str, ...] = ()
@@ -57,12 +61,10 @@ class Hyperparameters:
             ValueError: an unknown name or an invalid number.
             NotImplementedError: there is no controller to tune.
         """
-        check_names(NAME, given, [one.name for one in fields(cls)])
-        check_numbers(NAME, given, {"rate": 0.1, "episodes": 4, "most": 10.0})
-        as_count("episodes", given.get("episodes", 1))
-        if not given.get("nmpc") or not given.get("tuned"):
+        made = super().of({**given, "tuned": tuple(given.get("tuned", ()))})
+        if not made.nmpc or not made.tuned:
             raise NotImplementedError(f"{NAME} has no controller for this process: give `nmpc` and `tuned`")
-        return cls(**{**given, "tuned": tuple(given["tuned"])})
+        return made
 
 
 @dataclass(frozen=True)

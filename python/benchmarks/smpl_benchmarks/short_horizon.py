@@ -9,9 +9,9 @@ TD(lambda), computed with a target that follows it slowly.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from smpl.learning.environments import Curriculum, FormulatedVectorEnv
 from smpl.learning.formulation import Formulation
 from smpl.learning.plan import Task
 from smpl.learning.policy_files import of_torchscript
-from smpl.support.arguments import FloatArray, as_count, check_names, check_numbers
+from smpl.support.arguments import FloatArray
 from smpl.support.optional import load
 from smpl.vector import AutoresetMode
+from smpl_benchmarks.hyperparameters import Checked
 from smpl_benchmarks.windows import Piece, Window, collect, pieces
 
 NAME = "SHAC"
@@ -31,7 +32,7 @@ _STATISTICS, _LEAST = 200, 0.01
 
 
 @dataclass(frozen=True)
-class Hyperparameters:
+class Hyperparameters(Checked):
     """Hyperparameters of `SHAC`.
 
     Attributes:
@@ -46,6 +47,9 @@ class Hyperparameters:
         num_envs: environments of the batch; those of the suite if 0.
     """
 
+    NAME: ClassVar[str] = NAME
+    COUNTS: ClassVar[tuple[str, ...]] = ("horizon", "hidden", "critic_epochs", "critic_batches")
+
     horizon: int = 16
     gamma: float = 0.99
     gae_lambda: float = 0.95
@@ -58,19 +62,6 @@ class Hyperparameters:
     target: float = 0.2
     max_grad_norm: float = 1.0
     num_envs: int = 0
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Hyperparameters:
-        """From a mapping.
-
-        Raises:
-            ValueError: an unknown name or an invalid number.
-        """
-        check_names(NAME, given, [one.name for one in fields(cls)])
-        check_numbers(NAME, given, {one.name: one.default for one in fields(cls)})
-        for name in ("horizon", "hidden", "critic_epochs", "critic_batches"):
-            as_count(name, given.get(name, 1))
-        return cls(**given)
 
 
 class ShortHorizonTrainer:
