@@ -18,9 +18,9 @@ mod settings;
 mod test;
 
 pub use interface::{
-    AlgebraicCounts, Alternatives, BoxItem, Choice, Demoted, Differentiated, Draw, Failure, Finish, FinishLayout, Guard, Instant,
-    Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time, Unsteady,
-    Variant, Variate,
+    AlgebraicCounts, Alternatives, BoxItem, Choice, Correction, Demoted, Differentiated, Draw, Failure, Finish, FinishLayout, Guard,
+    Instant, Interface, Invariant, Observed, Port, PortMember, Projected, Quantities, Reduction, Reward, StartCondition, Steady, Time,
+    Unsteady, Variant, Variate,
 };
 pub use quantity::{Axis, Grid, OutsideBounds, Quantity};
 pub use settings::{Episode, LinearSolver, Method, Solver};

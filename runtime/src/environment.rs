@@ -15,6 +15,7 @@ mod history;
 mod interval;
 mod invariants;
 mod progress;
+mod projection;
 mod reset;
 mod snapshot;
 mod tangent;

@@ -12,7 +12,7 @@
 //! thousand unknowns.
 
 use nalgebra::DMatrix;
-use smpl_compiler::compiled::{Derived, WithRespectTo};
+use smpl_compiler::compiled::{CompiledModel, Derived, WithRespectTo};
 
 use crate::catalogue::Catalogue;
 use crate::inverse::Inverse;
@@ -107,8 +107,11 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
         }
         Ok(matrix)
     };
-    let projected = &model.interface().reduction.projected;
-    let constraints: u32 = projected.iter().map(|one| one.count).sum();
+    let reduction = &model.interface().reduction;
+    let constraints: u32 = reduction.projected.iter().map(|one| one.count).sum();
+    // Distances from constraints that corrections lead to have derivatives of these unknowns.
+    let own: u32 = reduction.projected.iter().filter(|one| !one.corrected).map(|one| one.count).sum();
+    let corrections = places_of_corrections(model);
     let bound: DMatrix<f64> = match constraints {
         0 => DMatrix::zeros(0, n),
         count => derivative(Derived::Constraints, WithRespectTo::Unknowns, 2 * count as usize, n)?,
@@ -122,17 +125,30 @@ pub fn linearize(system: &mut CompiledSystem, catalogue: &Catalogue, t: f64, y: 
         true => one_by_one(&weights.rows(0, nx).clone_owned(), &by_y, &by_u)?,
         false => together(&weights, &by_y, &by_u)?,
     };
-    let c = seen_y.columns(0, nx) + seen_y.columns(nx, n - nx) * zx + seen_yp.columns(0, nx) * &a;
+    let c = seen_y.columns(0, nx) + seen_y.columns(nx, n - nx) * &zx + seen_yp.columns(0, nx) * &a;
     let d = seen_u + seen_y.columns(nx, n - nx) * zu + seen_yp.columns(0, nx) * &b;
     let mut found = outside(catalogue, &a, &b, &c, &d);
     if constraints > 0 {
-        let states = catalogue.states.elements();
-        found.free =
-            Some(free(DMatrix::from_fn(constraints as usize, nx, |i, j| bound[(2 * i, states[j].at)] * states[j].scale.abs()), |j| {
-                states[j].scale.abs()
-            }));
+        let (states, own) = (catalogue.states.elements(), own as usize);
+        let scale = |at: usize| states.iter().find(|state| state.at == at).map_or(1.0, |state| state.scale.abs());
+        let rows = own + corrections.len();
+        let moved = DMatrix::from_fn(rows, nx, |i, j| match i.checked_sub(own) {
+            None => bound[(2 * i, states[j].at)] * states[j].scale.abs(),
+            Some(k) => zx[(corrections[k].1 - nx, states[j].at)] * states[j].scale.abs() / scale(corrections[k].0),
+        });
+        found.free = Some(free(moved, |j| states[j].scale.abs()));
     }
     Ok(found)
+}
+
+/// Places in `y` of states and of their corrections.
+fn places_of_corrections(model: &CompiledModel) -> Vec<(usize, usize)> {
+    let layout = model.layout();
+    let pairs = model.interface().reduction.corrections.iter().filter_map(|one| {
+        let (state, by) = (layout.offset(one.state)?, layout.offset(one.by)?);
+        Some((0..layout.elements(one.state) as usize).map(move |i| (state + i, by + i)))
+    });
+    pairs.flatten().collect()
 }
 
 /// Free coordinates where `bound` times the states, each in its scale, is zero: by elimination, row

@@ -11,10 +11,12 @@ use smpl_compiler::layout::{FramePart, Region};
 use smpl_compiler::model::{Solver, Variate};
 use smpl_dsl::diagnostic::SourceMap;
 
+mod corrections;
 mod options;
 mod reads;
 mod starts;
 
+pub(crate) use self::corrections::Corrections;
 pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{
     algebraics_read_rates, any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, step_reads_steady,
@@ -154,6 +156,8 @@ pub struct Setup {
     /// Place of the number of the phase, where there is a schedule.
     pub phase: Option<usize>,
     pub(crate) steady: Steady,
+    /// States that move to constraints by unknown corrections.
+    pub(crate) corrections: Corrections,
     /// The states that conditions at the start determine.
     pub freed: Freed,
     /// Made when it is first asked for.
@@ -255,6 +259,7 @@ impl Setup {
             programs: Programs::of(&model),
             sources,
             noise,
+            corrections: Corrections::of(&model, &catalogue),
             phase: catalogue.discretes.find("phase").filter(|_| has_phases).map(|e| e.at),
             checksum: OnceLock::new(),
             given: Vec::new(),

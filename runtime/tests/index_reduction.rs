@@ -734,3 +734,6 @@ fn rates_behind_a_condition_without_a_rate_are_explicit() {
         }
     }
 }
+
+#[path = "index_reduction/corrections.rs"]
+mod corrections;

@@ -15,8 +15,8 @@ use crate::artefact::Circumstances;
 use crate::ir::{Affine, ExprId, Role, VarId};
 use crate::model::number::present;
 use crate::model::{
-    Choice, Delay, Demoted, Differentiated, Failure, Finish, Grid, Guard, Lag, Observed, Projected, Quantity, Reduction, Reward, Root,
-    RootAction, Row, StartCondition, Unsteady, Variable,
+    Choice, Correction, Delay, Demoted, Differentiated, Failure, Finish, Grid, Guard, Lag, Observed, Projected, Quantity, Reduction,
+    Reward, Root, RootAction, Row, StartCondition, Unsteady, Variable,
 };
 
 /// Modules that write and read lists of a type in its form.
@@ -177,6 +177,8 @@ struct ProjectedForm {
     invariant: u32,
     count: u32,
     set: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    corrected: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -217,6 +219,10 @@ pub(super) struct ReductionForm {
     follow: Vec<Demoted>,
     #[serde(with = "projected")]
     projected: Vec<Projected>,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    conditions: u32,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    corrections: Vec<Correction>,
     #[serde(with = "guards")]
     guards: Vec<Guard>,
     #[serde(default, with = "unsteady", skip_serializing_if = "Vec::is_empty")]
@@ -225,15 +231,21 @@ pub(super) struct ReductionForm {
 
 impl From<&Reduction> for ReductionForm {
     fn from(r: &Reduction) -> Self {
-        let Reduction { differentiated, demoted, projected, preferred: _, guards, unsteady } = r.clone();
-        ReductionForm { differentiated, follow: demoted, projected, guards, unsteady }
+        let Reduction { differentiated, demoted, projected, conditions, corrections, preferred: _, guards, unsteady } = r.clone();
+        ReductionForm { differentiated, follow: demoted, projected, conditions, corrections, guards, unsteady }
     }
 }
 
 impl From<ReductionForm> for Reduction {
-    fn from(ReductionForm { differentiated, follow, projected, guards, unsteady }: ReductionForm) -> Self {
-        Reduction { differentiated, demoted: follow, projected, preferred: Vec::new(), guards, unsteady }
+    fn from(r: ReductionForm) -> Self {
+        let ReductionForm { differentiated, follow, projected, conditions, corrections, guards, unsteady } = r;
+        Reduction { differentiated, demoted: follow, projected, conditions, corrections, preferred: Vec::new(), guards, unsteady }
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+fn is_zero(n: &u32) -> bool {
+    *n == 0
 }
 
 /// End of a step; the default reward by its name.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
 use super::{Episode, Grid, Quantity, Solver, Test, number};
+use crate::ir::VarId;
 
 /// All that is seen from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -61,6 +62,12 @@ pub struct Reduction {
     pub demoted: Vec<Demoted>,
     /// Constraints that states are projected to at the end of each step.
     pub projected: Vec<Projected>,
+    /// Number of conditions on states that these are.
+    #[serde(default)]
+    pub conditions: u32,
+    /// Unknowns by which states move to constraints.
+    #[serde(default)]
+    pub corrections: Vec<Correction>,
     /// Names of states that should stay states.
     pub preferred: Vec<String>,
     /// Constraints that could stop to determine what follows from them.
@@ -133,6 +140,19 @@ pub struct Projected {
     pub count: u32,
     /// The text of the model sets some of the states at the end of a step too.
     pub set: bool,
+    /// States move to it by unknown corrections.
+    #[serde(default)]
+    pub corrected: bool,
+}
+
+/// A state with the unknown by which it moves to its constraints, element by element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Correction {
+    /// The state.
+    pub state: VarId,
+    /// The correction.
+    pub by: VarId,
 }
 
 /// A declared state of which elements follow from equations.

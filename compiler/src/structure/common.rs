@@ -14,6 +14,12 @@ pub(super) fn programs_mut(programs: &mut Programs) -> impl Iterator<Item = &mut
     programs.named_mut().map(|(_, program)| program)
 }
 
+/// Returns `true` if a program sets one of some variables.
+pub(super) fn sets(program: &Program, one: impl Fn(VarId) -> bool) -> bool {
+    let mut places = program.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.target.place);
+    places.any(|place| matches!(place, Place::Var(var) if one(var)))
+}
+
 /// Number of passes of a nest.
 pub(super) fn passes(extents: &[u32]) -> i64 {
     extents.iter().map(|&n| i64::from(n)).product()

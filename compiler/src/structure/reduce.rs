@@ -5,14 +5,16 @@
 //!    of highest order.
 //! 3. [`demote`] lets one unknown of lower order, or one state, follow from each equation that was
 //!    differentiated. Constraints stay equations of the reduced system, so that nothing drifts.
-//!    Where what a constraint determines could change, [`project`] keeps all states on it; where it
-//!    cannot, [`guard`] ends the episode before a constraint stops to determine what follows.
+//!    Where what a constraint determines could change, all states stay on it: [`project`] in closed
+//!    form, [`correct`] with unknown multipliers. Where neither can, [`guard`] ends the episode
+//!    before a constraint stops to determine what follows.
 //! 4. [`finish`] writes the model: states that follow from constraints are algebraic variables.
 //!
 //! A loop of equations is one node all along: it is differentiated and matched as a whole. Where
 //! the loops do not fit each other, a second attempt unrolls them.
 
 mod bounds;
+mod correct;
 mod demote;
 mod finish;
 mod guard;
@@ -32,13 +34,14 @@ use super::totals::has_algebraic_rate;
 use crate::elaborate::Equation;
 use crate::ir::{FastMap, FastSet, Flavour, Role, VarId};
 use crate::model::{Differentiated, Model, Quantity, Row};
-use demote::{Settled, SettledConstraints, settle};
+use correct::Corrected;
+use demote::{SettledConstraints, settle};
 use jumps::Jump;
 use pantelides::{Refused, System};
 pub(crate) use rated::watch_rates;
 use rated::{jump_fault, variable_fault};
 use slopes::{NoSlope, Slopes, replace_rates};
-use system::{Matching, Node, Pool, Wishes};
+use system::{Matching, Node, Pool, Settled, Wishes};
 
 /// Most equations that loops are unrolled to.
 const UNROLLED: i64 = 20_000;
@@ -76,21 +79,30 @@ pub(super) fn is_needed(model: &Model, equations: &[Equation], unknown: &dyn Fn(
 /// The equation that cannot be differentiated, where that is why; nothing where no number of
 /// differentiations determines the unknowns.
 pub(super) fn reduce(model: &Model, equations: &[Equation], plan: &Plan) -> Result<Reduced, Option<Diagnostic>> {
-    let loops = attempt(model, equations, plan, false);
+    let loops = attempt(model, equations, plan, Attempt { unroll: false, correct: true });
     if loops.is_ok() || equations.iter().all(|e| e.extents.is_empty()) {
         return loops;
     }
-    attempt(model, equations, plan, true).or(loops)
+    attempt(model, equations, plan, Attempt { unroll: true, correct: true }).or(loops)
 }
 
-fn attempt(model: &Model, equations: &[Equation], plan: &Plan, unroll: bool) -> Result<Reduced, Option<Diagnostic>> {
-    let (mut model, mut equations) = (model.clone(), equations.to_vec());
-    let mut system = system(&mut model, &mut equations, plan, unroll).ok_or(None)?;
+/// Means of a reduction.
+#[derive(Clone, Copy)]
+struct Attempt {
+    /// Loops are written out.
+    unroll: bool,
+    /// States may be projected by corrections.
+    correct: bool,
+}
+
+fn attempt(origin: &Model, equations: &[Equation], plan: &Plan, by: Attempt) -> Result<Reduced, Option<Diagnostic>> {
+    let (mut model, mut equations_here) = (origin.clone(), equations.to_vec());
+    let mut system = system(&mut model, &mut equations_here, plan, by.unroll).ok_or(None)?;
     if let Err(refused) = system.reduce(&mut model) {
         return Err(explained(&model, &system, refused));
     }
-    let wishes = wishes(&model, &equations);
-    let SettledConstraints { settled, groups } = settle(&mut model, &system, &wishes).ok_or(None)?;
+    let wishes = wishes(&model, &equations_here);
+    let SettledConstraints { settled, groups, corrected } = settle(&mut model, &system, &wishes, by.correct).ok_or(None)?;
     if let Some(fault) = set_although_determined(&model, &settled) {
         return Err(Some(fault));
     }
@@ -100,8 +112,16 @@ fn attempt(model: &Model, equations: &[Equation], plan: &Plan, unroll: bool) -> 
     top.sort_unstable_by_key(|(node, _)| *node);
     let top = top.into_iter().map(|(node, elements)| finish::settled(&nodes, node, elements)).collect();
     groups.iter().for_each(|group| project::project(&mut model, &mut slopes, group));
+    let mut moved = Corrected::default();
+    for constraints in &corrected {
+        if correct::correct(&mut model, &mut slopes, constraints, &mut moved).is_none() {
+            return attempt(origin, equations, plan, Attempt { correct: false, ..by });
+        }
+    }
     guard::watch(&mut model, &settled);
-    let (rows, helpers) = finish::finish(&mut model, top, settled, &slopes);
+    let (mut rows, mut helpers) = finish::finish(&mut model, top, settled, &slopes);
+    rows.extend(moved.rows);
+    helpers.extend(moved.helpers);
     Ok(Reduced { model, rows, helpers })
 }
 

@@ -132,6 +132,9 @@ impl Environment {
             model.start(memory, t0, &mut self.progress.y);
         }
         model.prepare_step(memory);
+        if self.setup.corrections.set_at_start {
+            self.project_after_reset(t0);
+        }
     }
 
     /// Keeps what was, and applies the action.
@@ -278,16 +281,20 @@ impl Environment {
         let failure = self.fired_failure();
         self.note_events(t);
         self.set_builtin(Builtin::Clock, t);
-        let mut ran = false;
+        let (mut ran, mut moved) = (false, false);
         for index in 0..self.progress.edges.len() {
             let action = self.setup.model().roots_info()[index].action;
             if let (1, RootAction::Run(program)) = (self.integrator.events()[index], action) {
                 let (model, memory) = self.system.parts();
                 model.event(program as usize, memory, t, &mut self.progress.y);
                 ran = true;
+                moved |= self.setup.corrections.set_by[index];
             }
         }
         self.set_builtin(Builtin::Clock, self.begin);
+        if moved {
+            self.project_after_reset(t);
+        }
         if ran && self.broken_variable().is_some() {
             return Some(IntervalEnd::Broken);
         }
@@ -344,6 +351,7 @@ impl Environment {
     /// `at end`, and what depends on the states that it changed.
     pub(super) fn run_end(&mut self) {
         let t = self.end_time();
+        self.project_before_end(t);
         self.scratch.copy_from_slice(&self.progress.y);
         let (model, memory) = self.system.parts();
         model.end(memory, t, &mut self.progress.y);

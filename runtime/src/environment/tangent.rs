@@ -336,6 +336,18 @@ impl Environment {
         if self.system.model().unknowns() == self.system.model().states() { Ok(()) } else { self.follow_rates(follower, time, moving) }
     }
 
+    /// Derivatives of states that move by their corrections, which are known at the present state.
+    pub(super) fn follow_moved(&mut self, follower: &mut Follower, time: f64, moving: &[f64]) -> Result<(), FollowError> {
+        self.follow_algebraic(follower, time, moving)?;
+        for pair in &self.setup.corrections.pairs {
+            for j in 0..follower.width() {
+                let moved = follower.tangents.y(pair.state, j) + follower.tangents.y(pair.by, j);
+                follower.tangents.set_y(pair.state, j, moved);
+            }
+        }
+        Ok(())
+    }
+
     /// Derivatives of rates and algebraic unknowns from those of states and inputs: 0 = F_x S_x +
     /// F_w W + F_t τ + F_z S_z + F_x' S_x'.
     fn follow_rates(&mut self, follower: &mut Follower, time: f64, moving: &[f64]) -> Result<(), FollowError> {

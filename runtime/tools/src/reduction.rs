@@ -34,8 +34,7 @@ impl<'i> Summary<'i> {
         projected.dedup();
         let follow = reduction.demoted.iter().flat_map(|d| &d.elements).map(String::as_str).collect();
         let free: Vec<String> = interface.quantities.states.iter().flat_map(|q| (0..q.len()).map(|i| q.element_name(i))).collect();
-        let constraints: u32 = reduction.projected.iter().map(|p| p.count).sum();
-        let freedom = free.len().saturating_sub(constraints as usize);
+        let freedom = free.len().saturating_sub(reduction.conditions as usize);
         Some(Self { differentiated: &reduction.differentiated, follow, projected, free, freedom })
     }
 

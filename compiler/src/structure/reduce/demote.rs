@@ -7,10 +7,11 @@
 use std::collections::BTreeMap;
 
 use super::bounds::cannot_vanish;
+use super::correct::Constraints;
 use super::pantelides::System;
 use super::project::{Group, states_of};
 use super::start::Start;
-use super::system::{Matching, Node, Pool, Search, Wishes, by_element, scale};
+use super::system::{Matching, Node, Pool, Search, Settled, Wishes, by_element, scale};
 use crate::elaborate::for_each_element;
 use crate::ir::{Affine, Expr, ExprId, FastMap, FastSet, Flavour, LoopVar, Role, VarId};
 use crate::model::Model;
@@ -25,30 +26,24 @@ type Preference = (u8, u8, bool, f64, usize);
 
 /// Part of the largest entry that a pivot must have.
 const LEAST: f64 = 1e-2;
+/// Places around the start at which the sign of a derivative is looked at.
+const SAMPLES: i64 = 32;
 /// Entry, relative to the others of its row, that counts as none.
 const NONE: f64 = 1e-9;
-
-/// A constraint with the element that follows from it.
-#[derive(Clone, Debug)]
-pub(super) struct Settled {
-    pub(super) node: Node,
-    pub(super) var: VarId,
-    pub(super) at: Affine,
-    /// The derivative by it could become zero.
-    pub(super) varies: bool,
-}
 
 /// Treatment of constraints.
 #[derive(Default)]
 pub(super) struct SettledConstraints {
     /// Those from which something follows.
     pub(super) settled: Vec<Settled>,
-    /// Those that states are projected to.
+    /// Those that states are projected to in closed form.
     pub(super) groups: Vec<Group>,
+    /// Those that states are projected to by corrections.
+    pub(super) corrected: Vec<Constraints>,
 }
 
 /// Settles each constraint; `None` if no choice of states was found.
-pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Option<SettledConstraints> {
+pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes, correct: bool) -> Option<SettledConstraints> {
     let numbers: Vec<usize> = (0..system.nodes.len()).filter(|&i| system.nodes[i].derivative.is_some()).collect();
     let nodes: Vec<Node> = numbers.iter().map(|&i| system.nodes[i].clone()).collect();
     let found = if nodes.iter().all(|node| node.extents.is_empty()) {
@@ -60,10 +55,17 @@ pub(super) fn settle(model: &mut Model, system: &System, wishes: &Wishes) -> Opt
         let settled = by_structure(model, nodes, &system.lower, wishes)?;
         settled.into_iter().map(|s| Settled { varies: may_vanish(model, &s), ..s }).collect()
     };
-    let outcome = apart(model, system, wishes, found);
-    let count = |of: &dyn Fn(VarId) -> bool| outcome.settled.iter().filter(|s| of(s.var)).map(|s| s.node.count()).sum::<i64>();
-    let forced = count(&|var| model.vars[var].role == Role::Algebraic);
-    (forced == system.lower.elements().len() as i64).then_some(outcome)
+    let forced = found.iter().filter(|s| model.vars[s.var].role == Role::Algebraic).map(|s| s.node.count()).sum::<i64>();
+    if forced != system.lower.elements().len() as i64 {
+        return None;
+    }
+    let (mut outcome, rest) = apart(model, system, wishes, found);
+    if correct {
+        by_corrections(model, system, wishes, rest, &mut outcome);
+    } else {
+        outcome.settled = rest;
+    }
+    Some(outcome)
 }
 
 /// The states that each constraint should determine: of a time derivative those that do not occur
@@ -93,19 +95,11 @@ fn may_vanish(model: &mut Model, s: &Settled) -> bool {
 }
 
 /// Takes the constraints apart that share no state: those of which a pivot could vanish are
-/// projected.
-fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -> SettledConstraints {
+/// projected in closed form where that serves; the others.
+fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -> (SettledConstraints, Vec<Settled>) {
     let states: Vec<Vec<(VarId, i64)>> = found.iter().map(|s| states_of(model, std::slice::from_ref(&s.node))).collect();
-    let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
-    states.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&state| with.entry(state).or_default().push(i)));
-    let next = states.iter().map(|list| {
-        let mut next: Vec<usize> = list.iter().flat_map(|state| with[state].iter().copied()).collect();
-        next.sort_unstable();
-        next.dedup();
-        next
-    });
-    let mut outcome = SettledConstraints::default();
-    for part in crate::graph::connected(&next.collect::<Vec<_>>()) {
+    let (mut outcome, mut rest) = (SettledConstraints::default(), Vec::new());
+    for part in sharing(&states) {
         let only_states = part.iter().all(|&i| model.vars[found[i].var].role == Role::State);
         let group = (only_states && part.iter().any(|&i| found[i].varies)).then(|| {
             let nodes: Vec<Node> = part.iter().map(|&i| found[i].node.clone()).collect();
@@ -113,10 +107,105 @@ fn apart(model: &Model, system: &System, wishes: &Wishes, found: Vec<Settled>) -
         });
         match group.flatten().filter(|group| group.may_be_projected(&system.slopes, wishes)) {
             Some(group) => outcome.groups.push(group),
-            None => outcome.settled.extend(part.iter().map(|&i| found[i].clone())),
+            None => rest.extend(part.iter().map(|&i| found[i].clone())),
         }
     }
-    outcome
+    (outcome, rest)
+}
+
+/// Parts of a list whose members share elements.
+fn sharing(elements: &[Vec<(VarId, i64)>]) -> Vec<Vec<usize>> {
+    let mut with: FastMap<(VarId, i64), Vec<usize>> = FastMap::default();
+    elements.iter().enumerate().for_each(|(i, list)| list.iter().for_each(|&element| with.entry(element).or_default().push(i)));
+    let next = elements.iter().map(|list| {
+        let mut next: Vec<usize> = list.iter().flat_map(|element| with[element].iter().copied()).collect();
+        next.sort_unstable();
+        next.dedup();
+        next
+    });
+    crate::graph::connected(&next.collect::<Vec<_>>())
+}
+
+/// Projects by corrections where a pivot could vanish, each part that shares no state and no
+/// unknown of lower order with others; what is left is settled.
+fn by_corrections(model: &mut Model, system: &System, wishes: &Wishes, rest: Vec<Settled>, outcome: &mut SettledConstraints) {
+    let elements = |s: &Settled| {
+        let mut list = states_of(model, std::slice::from_ref(&s.node));
+        for read in s.node.reads(model, Role::Algebraic) {
+            read.each(&mut |i| list.extend(system.lower.has(read.var, i).then_some((read.var, i))));
+        }
+        list
+    };
+    let elements: Vec<_> = rest.iter().map(elements).collect();
+    let start = Start::of(model);
+    let mut parts: Vec<(Vec<usize>, Option<Constraints>)> = Vec::new();
+    for part in sharing(&elements) {
+        let members: Vec<&Settled> = part.iter().map(|&i| &rest[i]).collect();
+        let found = is_doubtful(model, &members, &start).then(|| Constraints::of(model, &system.slopes, wishes, &members));
+        parts.push((part, found.flatten()));
+    }
+    // A state of which some elements follow is no longer one whole: it cannot be moved.
+    loop {
+        let followers = parts.iter().filter(|(_, found)| found.is_none()).flat_map(|(part, _)| part).map(|&i| rest[i].var);
+        let follow: FastSet<VarId> = followers.filter(|&var| model.vars[var].role == Role::State).collect();
+        let mut shared = false;
+        for (_, found) in &mut parts {
+            if found.as_ref().is_some_and(|found| found.states().iter().any(|var| follow.contains(var))) {
+                (*found, shared) = (None, true);
+            }
+        }
+        if !shared {
+            break;
+        }
+    }
+    let left: FastSet<usize> = parts.iter().filter(|(_, found)| found.is_none()).flat_map(|(part, _)| part.iter().copied()).collect();
+    outcome.corrected = parts.into_iter().filter_map(|(_, found)| found).collect();
+    outcome.settled = rest.into_iter().enumerate().filter(|(i, _)| left.contains(i)).map(|(_, s)| s).collect();
+}
+
+/// Returns `true` if an unknown may come to follow from another constraint. The derivative of its
+/// own by it has both signs around the start, and the constraint of a state reads it.
+fn changes_hands(model: &mut Model, members: &[&Settled], start: &Start) -> bool {
+    let is_state = |model: &Model, s: &Settled| model.vars[s.var].role == Role::State;
+    let of_states: Vec<&&Settled> = members.iter().filter(|s| is_state(model, s)).collect();
+    let read: FastSet<VarId> = of_states.iter().flat_map(|s| s.node.reads(model, Role::Algebraic)).map(|read| read.var).collect();
+    let unknowns: Vec<&&Settled> = members.iter().filter(|s| !is_state(model, s) && read.contains(&s.var)).collect();
+    unknowns.into_iter().any(|s| {
+        if !may_vanish(model, s) {
+            return false;
+        }
+        let slope = by_element(&mut model.exprs, s.node.extents.len(), s.node.residual, (s.var, s.at));
+        let Some(slope) = slope else { return false };
+        let signs = (0..SAMPLES).map(|sample| start.scattered(model, sample).value(&mut model.exprs, slope).signum());
+        let (mut above, mut below) = (false, false);
+        signs.for_each(|sign| (above, below) = (above | (sign > 0.0), below | (sign < 0.0)));
+        above && below
+    })
+}
+
+/// Returns `true` if a state follows from some constraints that may stop to determine it.
+fn is_doubtful(model: &mut Model, members: &[&Settled], start: &Start) -> bool {
+    let is_state = |model: &Model, s: &Settled| model.vars[s.var].role == Role::State;
+    if !members.iter().any(|s| is_state(model, s)) {
+        return false;
+    }
+    if members.iter().any(|s| s.varies && is_state(model, s)) || changes_hands(model, members, start) {
+        return true;
+    }
+    // A state that its own constraint does not read follows from several of them together.
+    let is_read = |model: &mut Model, s: &Settled| {
+        let slope = by_element(&mut model.exprs, s.node.extents.len(), s.node.residual, (s.var, s.at));
+        slope.is_some_and(|slope| model.exprs.as_const(slope) != Some(0.0))
+    };
+    if members.iter().all(|s| !is_state(model, s) || is_read(model, s)) {
+        return false;
+    }
+    let determined: FastSet<VarId> = members.iter().map(|s| s.var).collect();
+    members.iter().any(|s| {
+        let read = [Role::State, Role::Algebraic].into_iter().flat_map(|role| s.node.candidates(model, role));
+        let read: Vec<(VarId, Affine)> = read.filter(|(var, _)| determined.contains(var)).collect();
+        read.into_iter().any(|(var, at)| may_vanish(model, &Settled { var, at, ..(*s).clone() }))
+    })
 }
 
 /// Returns `true` if an expression is constant during an episode.

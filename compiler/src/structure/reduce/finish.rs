@@ -1,9 +1,8 @@
 //! The model of a reduced system: rows, roles, names, starts.
 
 use super::super::cuts::advanced;
-use super::demote::Settled;
 use super::slopes::{Piece, Slopes, whole};
-use super::system::{Node, Pool, whole_of};
+use super::system::{Node, Pool, Settled, whole_of};
 use crate::elaborate::for_each_element;
 use crate::ir::{Affine, ExprId, Exprs, FastMap, FastSet, Flavour, LoopVar, Nest, Place, Role, Store, Target, VarId};
 use crate::model::{Axis, Demoted, Model, Quantity, Row, Variable};

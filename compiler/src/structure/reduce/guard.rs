@@ -3,8 +3,7 @@
 //! names the constraint; otherwise the integration would take a wrong branch, or fail.
 
 use super::super::common::{add_failure, element_name};
-use super::demote::Settled;
-use super::system::{Node, by_element, scale};
+use super::system::{Node, Settled, by_element, scale};
 use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, LoopVar, ReduceFn, Role, UnaryFn, VarId};
 use crate::model::{Guard, Model, Root, RootAction};
 

@@ -5,18 +5,18 @@
 //! the same direction. No choice of coordinates is made that could become bad.
 //! Loops of constraints are projected pass by pass, in one loop, where no two passes share a state.
 
-use super::super::common::{element_name, passes};
+use super::super::common::{element_name, passes, sets};
 use super::slopes::{Piece, Slopes};
 use super::system::{Node, Wishes, by_element, scale, whole_of};
 use crate::elaborate::for_each_element;
-use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, Nest, Place, Program, Role, Store, Target, UnaryFn, VarId};
+use crate::ir::{Affine, BinaryFn, ExprId, Exprs, FastSet, Flavour, Nest, Program, Role, Store, Target, UnaryFn, VarId};
 use crate::model::{Invariant, Model, Projected};
 
 /// Newton steps of a projection.
 const PASSES: usize = 3;
 
 /// By how much, over a step, the states come back to their constraints.
-const RETURN: f64 = 2.0;
+pub(super) const RETURN: f64 = 2.0;
 
 /// Most constraints that are projected together.
 pub(super) const MOST: usize = 6;
@@ -89,10 +89,7 @@ pub(super) fn project(model: &mut Model, slopes: &mut Slopes, group: &Group) {
     let newton = || std::iter::repeat_n(nest.clone(), PASSES);
     let set: FastSet<VarId> = group.states.iter().map(|state| state.0).collect();
     let programs = &mut model.programs;
-    let sets = |program: &Program| {
-        let mut places = program.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.target.place);
-        places.any(|place| matches!(place, Place::Var(var) if set.contains(&var)))
-    };
+    let sets = |program: &Program| sets(program, |var| set.contains(&var));
     let set_too = sets(&programs.end);
     programs.end.nests.splice(0..0, newton());
     for program in [&mut programs.start].into_iter().chain(&mut programs.events) {
@@ -101,7 +98,8 @@ pub(super) fn project(model: &mut Model, slopes: &mut Slopes, group: &Group) {
         }
     }
     programs.end.in_place = true;
-    watch(model, group, set_too);
+    model.interface.reduction.conditions += (group.nodes.len() as i64 * passes(&group.extents)) as u32;
+    watch(model, group, set_too, false);
 }
 
 /// The Newton step of each state to the constraints, the shortest one in the scale of the states.
@@ -170,7 +168,7 @@ fn solve(exprs: &mut Exprs, matrix: &mut [Vec<ExprId>], off: &mut [ExprId]) {
 
 /// Makes invariants of the constraints: the distance from each of them in the scale of the states,
 /// which starts are tested by.
-fn watch(model: &mut Model, group: &Group, set: bool) {
+pub(super) fn watch(model: &mut Model, group: &Group, set: bool, corrected: bool) {
     let slopes = slopes_of(&mut model.exprs, group);
     for (node, slopes) in group.nodes.iter().zip(slopes) {
         let exprs = &mut model.exprs;
@@ -198,7 +196,7 @@ fn watch(model: &mut Model, group: &Group, set: bool) {
             for_each_element(&group.extents, at, &mut |i| states.push(element_name(model, var, i)));
         }
         let (span, order) = (node.span, node.order);
-        model.interface.reduction.projected.push(Projected { span, order, states, invariant: first, count: count as u32, set });
+        model.interface.reduction.projected.push(Projected { span, order, states, invariant: first, count: count as u32, set, corrected });
     }
 }
 

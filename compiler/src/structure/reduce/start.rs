@@ -69,6 +69,24 @@ impl Start {
         start
     }
 
+    /// The same with each unknown somewhere around its value, within its bounds; other numbers for
+    /// each `sample`.
+    pub(super) fn scattered(&self, model: &Model, sample: i64) -> Start {
+        let mut known = self.known.clone();
+        let q = &model.interface.quantities;
+        for quantity in q.states.iter().chain(&q.algebraics) {
+            let Some(var) = quantity.var else { continue };
+            for i in 0..quantity.len() {
+                let at = |list: &[f64]| Quantity::pick(list, i);
+                let value = known.get(&(var, i as i64)).copied().unwrap_or(0.0);
+                let wide = 0.5 * value.abs() + 2.0 * if at(&quantity.scale).is_normal() { at(&quantity.scale).abs() } else { 1.0 };
+                let part = 2.0 * (somewhere(var, Flavour::Initial, (sample << 32) + i as i64) - 1.0);
+                known.insert((var, i as i64), (value + part * wide).max(at(&quantity.low)).min(at(&quantity.high)));
+            }
+        }
+        Start { known, anywhere: false }
+    }
+
     /// The value of an element, where it is known.
     pub(super) fn element(&self, var: VarId, at: i64) -> Option<f64> {
         self.at(var, Flavour::Value, at)

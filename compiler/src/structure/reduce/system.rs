@@ -36,6 +36,16 @@ pub(super) struct Node {
     pub(super) derivative: Option<usize>,
 }
 
+/// A constraint with the element that follows from it.
+#[derive(Clone, Debug)]
+pub(super) struct Settled {
+    pub(super) node: Node,
+    pub(super) var: VarId,
+    pub(super) at: Affine,
+    /// The derivative by it could become zero.
+    pub(super) varies: bool,
+}
+
 impl Node {
     /// A node of an equation that is not a rate.
     pub(super) fn of(exprs: &mut Exprs, equation: &Equation) -> Option<Node> {

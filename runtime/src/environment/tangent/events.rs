@@ -348,18 +348,19 @@ impl Environment {
         let clock = self.system.memory().layout().range(Region::Builtin).start + Builtin::Clock as usize;
         moving.iter().enumerate().for_each(|(j, &tau)| follower.tangents.set_work(clock, j, tau));
         self.set_builtin(Builtin::Clock, t);
-        let roots = self.progress.edges.len();
+        let (roots, mut moved) = (self.progress.edges.len(), false);
         for &k in fired.iter().filter(|&&k| k < roots) {
             if let (1, RootAction::Run(program)) = (follower.engine.integrator.events()[k], self.setup.model().roots_info()[k].action) {
                 self.run_tangent(follower, TangentProgram::Event(program), (t, moving), 0)?;
                 let (model, memory) = self.system.parts();
                 model.event(program as usize, memory, t, &mut self.progress.y);
+                moved |= self.setup.corrections.set_by[k];
             }
         }
         let begin = self.begin;
         self.set_builtin(Builtin::Clock, begin);
         follower.tangents.hold(clock..clock + 1);
-        Ok(())
+        if moved { self.follow_projection(follower, t, moving) } else { Ok(()) }
     }
 
     /// The present unknowns and rates are those of a restart.

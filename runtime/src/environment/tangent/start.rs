@@ -193,6 +193,9 @@ impl Environment {
         }
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
+        if self.setup.corrections.set_at_start {
+            self.follow_projection(follower, begin, &[])?;
+        }
         Ok(())
     }
 }
