@@ -379,7 +379,7 @@ impl Past {
     }
 
     /// Replaces samples at the ends of a span that belong to the other side of a jump there by the
-    /// straight line from within: a step may end, and the next one begin, a rounding beside a
+    /// straight line from within. A step may end, and the next one begin, within a rounding of a
     /// threshold. Returns whether there was one.
     fn continue_to_ends(
         &mut self,

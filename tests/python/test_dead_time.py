@@ -635,7 +635,7 @@ solver { rtol = 1e-9 }
     [(0.31, 0.2, 1.6, 1), (0.11, -0.3, 1.571, 1), (1.0, 0.2, 7.586, 2), (0.6, -0.3, 7.093, 5)],
 )
 def test_a_delayed_relay_follows_its_triangles(method, delayed, th, start, end, steps):
-    # z passes the threshold always a dead time after a corner, so that steps end a rounding beside it.
+    # z passes the threshold always a dead time after a corner, so that steps end within a rounding of it.
     source = f"""
     model Relay
     time t : s

@@ -273,6 +273,68 @@ def test_what_cannot_be_carried_is_refused_by_name(old, new, message, tmp_path, 
     assert not (tmp_path / "m.eq").exists()
 
 
+FAST = """<?xml version="1.0" encoding="UTF-8"?>
+<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1"><model id="fast">
+<listOfCompartments><compartment id="cell" spatialDimensions="3" size="2" constant="true"/></listOfCompartments>
+<listOfSpecies>
+{species}
+</listOfSpecies>
+<listOfParameters>
+<parameter id="k" value="0.6" constant="true"/><parameter id="K" value="2" constant="true"/>
+</listOfParameters>
+<listOfReactions>
+<reaction id="swap" reversible="true" fast="true">
+<listOfReactants><speciesReference species="A" stoichiometry="1" constant="true"/></listOfReactants>
+<listOfProducts><speciesReference species="B" stoichiometry="{number}" constant="true"/></listOfProducts>
+<kineticLaw><math xmlns="http://www.w3.org/1998/Math/MathML">{law}</math></kineticLaw></reaction>
+<reaction id="loss" reversible="false" fast="false">
+<listOfReactants><speciesReference species="B" stoichiometry="1" constant="true"/></listOfReactants>
+<listOfProducts><speciesReference species="C" stoichiometry="1" constant="true"/></listOfProducts>
+<kineticLaw><math xmlns="http://www.w3.org/1998/Math/MathML"><apply><times/><ci>k</ci><ci>B</ci></apply></math></kineticLaw>
+</reaction>
+</listOfReactions></model></sbml>
+"""
+LINEAR = "<apply><minus/><ci>A</ci><apply><times/><ci>K</ci><ci>B</ci></apply></apply>"
+PRODUCT = "<apply><minus/><apply><times/><ci>A</ci><ci>B</ci></apply><ci>K</ci></apply>"
+GROWING = "<apply><minus/><apply><times/><ci>K</ci><ci>B</ci></apply><ci>A</ci></apply>"
+
+
+def fast_file(folder, law=LINEAR, number=1, amounts=False):
+    kind = (
+        f'compartment="cell" hasOnlySubstanceUnits="{str(amounts).lower()}" boundaryCondition="false" constant="false"'
+    )
+    starts = {"A": 4, "B": 5, "C": 1}
+    species = [f'<species id="{name}" initialAmount="{start}" {kind}/>' for name, start in starts.items()]
+    path = folder / "fast.xml"
+    path.write_text(FAST.format(species="\n".join(species), law=law, number=number), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("number", "amounts"), [(1, False), (1, True), (2, False)])
+def test_fast_reactions_are_in_equilibrium_from_the_start_on(number, amounts, tmp_path, trajectory):
+    """A = 2 B, and S = number*A + B follows the loss, S' = -k B/V as amounts where symbols are concentrations."""
+    t, found = trajectory(fast_file(tmp_path, number=number, amounts=amounts), tmp_path, 5.0)
+    size = 1.0 if amounts else 2.0
+    total = (4.0 * number + 5.0) * np.exp(-0.6 / size * t / (2 * number + 1))
+    b = total / (2 * number + 1)
+    close(found["B"], b / size)
+    close(found["A"], 2 * b / size)
+    close(found["C"], (1.0 + 4.0 * number + 5.0 - total) / size)
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (PRODUCT, "the fast reaction `swap` is not linear in what fast reactions change"),
+        (GROWING, "the fast reaction `swap` does not lead to an equilibrium at the start"),
+        ("<ci>K</ci>", "the fast reaction `swap` is not linear in what fast reactions change"),
+    ],
+)
+def test_fast_reactions_without_a_certain_equilibrium_are_refused(law, message, tmp_path, convert):
+    said = convert(fast_file(tmp_path, law=law), tmp_path / "m.eq")
+    assert said.status == 1 and message in said.error
+
+
 def test_damaged_files_give_an_error_or_a_model(tmp_path, convert):
     random = np.random.default_rng(3)
     text = (SBML / "doses.xml").read_bytes()

@@ -352,8 +352,10 @@ impl Conversion<'_> {
             self.line(&format!("initial {name} = {value}"));
         }
         if as_amount {
-            let size = self.compartment_name(symbol).unwrap_or_else(|| "1".into());
-            let own = self.let_line(&self.names.of(&symbol.id), &self.unit(symbol), &format!("{name}/{size}"), &symbol.name);
+            let amount = self.moved_amount(symbol, name);
+            let size = self.size_of_amount(symbol);
+            let value = size.map_or_else(|| amount.clone(), |size| format!("{amount}/{size}"));
+            let own = self.let_line(&self.names.of(&symbol.id), &self.unit(symbol), &value, &symbol.name);
             self.line(&own);
         }
         Ok(())
@@ -387,7 +389,7 @@ impl Conversion<'_> {
         Ok(())
     }
 
-    fn extent(&self) -> Product {
+    pub(super) fn extent(&self) -> Product {
         let extent = self.sbml.extent.clone().or_else(|| self.usual(&self.sbml.substance, "substance"));
         self.product_of(extent.as_deref())
     }
@@ -415,7 +417,7 @@ impl Conversion<'_> {
             let line = self.let_line(&self.names.of(&reaction.id), &unit, &value, &text);
             self.line(&line);
         }
-        Ok(())
+        self.equilibria()
     }
 
     /// Rates of states: those of rules, then sums of reactions.
@@ -455,7 +457,7 @@ impl Conversion<'_> {
     fn sum_of_reactions(&self, symbol: &Symbol) -> Result<String, Fault> {
         let mut sum = String::new();
         let mut terms = 0;
-        for reaction in &self.sbml.reactions {
+        for reaction in self.sbml.reactions.iter().filter(|reaction| !reaction.fast) {
             for part in reaction.parts.iter().filter(|p| p.species == symbol.id) {
                 let rate = self.names.of(&reaction.id);
                 let (sign, term) = match &part.number {

@@ -106,6 +106,8 @@ pub(super) struct Reaction {
     pub(super) id: String,
     pub(super) name: String,
     pub(super) reversible: bool,
+    /// It is in equilibrium at all times.
+    pub(super) fast: bool,
     pub(super) parts: Vec<SpeciesReference>,
     pub(super) rate: Math,
 }
@@ -383,9 +385,6 @@ fn rule(node: Node<'_, '_>) -> Result<Option<Rule>, Fault> {
 
 fn reaction(sbml: &mut Sbml, node: Node<'_, '_>) -> Result<Reaction, Fault> {
     let id = needed(node, "id")?;
-    if flag(node, "fast", false)? {
-        return Err(fault(node, format!("the reaction `{id}` is fast, which has no counterpart: write its equilibrium as a rule")));
-    }
     let mut parts = vec![];
     let mut rate = None;
     for item in meaning(node) {
@@ -404,7 +403,7 @@ fn reaction(sbml: &mut Sbml, node: Node<'_, '_>) -> Result<Reaction, Fault> {
     }
     let rate = rate.ok_or_else(|| fault(node, format!("the reaction `{id}` has no kinetic law: its rate is not known")))?;
     let (name, reversible) = (owned(node, "name").unwrap_or_default(), flag(node, "reversible", true)?);
-    Ok(Reaction { at: node.range().start, id, name, reversible, parts, rate })
+    Ok(Reaction { at: node.range().start, id, name, reversible, fast: flag(node, "fast", false)?, parts, rate })
 }
 
 fn stoichiometry(sbml: &mut Sbml, node: Node<'_, '_>, sign: f64) -> Result<SpeciesReference, Fault> {

@@ -103,6 +103,7 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
     let late: Vec<String> = sbml.symbols.iter().filter(|s| starts_late(sbml, &roles, &kept, s)).map(|s| s.id.clone()).collect();
     roles.extend(late.into_iter().map(|id| (id, Role::Discrete)));
     starts(sbml, &mut roles);
+    super::fast::check(sbml, &super::fast::species(sbml, &roles))?;
     let amounts = amounts(sbml, &roles);
     Ok(Roles { roles, amounts })
 }
@@ -132,7 +133,7 @@ fn algebraic(sbml: &Sbml, roles: &mut HashMap<String, Role>) -> Result<(), Fault
 }
 
 /// The symbols of an expression, and those of the rules behind them.
-fn through(sbml: &Sbml, math: &Math) -> Vec<String> {
+pub(super) fn through(sbml: &Sbml, math: &Math) -> Vec<String> {
     let mut found: Vec<String> = vec![];
     let mut stack = math.names();
     while let Some(id) = stack.pop() {
@@ -207,7 +208,11 @@ fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<Str
 /// amount as it is.
 fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>) -> HashSet<String> {
     let resized: HashSet<&str> = sbml.events.iter().flat_map(Event::targets).collect();
+    let moved = super::fast::species(sbml, roles);
     let kept = |s: &&Symbol| {
+        if moved.contains(s.id.as_str()) {
+            return true;
+        }
         let SymbolRole::Species { compartment, amount: false, .. } = &s.kind else { return false };
         let rule = sbml.rules.iter().find(|r| r.target.id() == Some(&s.id)).map(|r| &r.target);
         let by_itself = match rule {

@@ -33,7 +33,7 @@ impl Conversion<'_> {
             _ => (false, false),
         };
         if let Some(math) = self.first.values.get(&symbol.id).filter(|_| self.set_at_the_start(&symbol.id)) {
-            let Some(size) = self.size_after_first_events(symbol)?.filter(|_| as_amount) else {
+            let Some(size) = self.size_after_first_events(symbol)?.filter(|_| self.is_divided(symbol)) else {
                 return Ok(Some((self.text(symbol.at, math)?, matches!(math, Math::Number(_, None)))));
             };
             return Ok(Some((format!("{}*{size}", self.factor(symbol.at, math)?), false)));
@@ -42,8 +42,7 @@ impl Conversion<'_> {
         let is_species = matches!(symbol.kind, SymbolRole::Species { .. });
         if let Some(math) = self.sbml.initial.get(&symbol.id) {
             let math = self.at_the_start(symbol.at, &self.checked(symbol.at, math)?, 0)?;
-            if as_amount {
-                let size = size.unwrap_or_else(|| "1".into());
+            if let Some(size) = self.is_divided(symbol).then(|| size.unwrap_or_else(|| "1".into())) {
                 return Ok(Some((format!("{}*{size}", self.factor(symbol.at, &math)?), false)));
             }
             let plain = matches!(math, Math::Number(_, None));
@@ -163,7 +162,7 @@ impl Conversion<'_> {
             let id = s.id.clone();
             let value = self.start_value(&id, 0)?;
             let size = self.size_at_start(s);
-            let x = (if self.roles.amounts.contains(&id) { value * size? } else { value }).abs();
+            let x = (if self.is_divided(s) { value * size? } else { value }).abs();
             (x > 0.0 && x.is_finite()).then_some(x)
         };
         let kind = std::mem::discriminant(&symbol.kind);
