@@ -17,7 +17,7 @@ def text(model: Model, target: str) -> dict[str, str]:
     Args:
         model: a compiled model; scenario, variants and settings are those that it was compiled
             with.
-        target: `casadi`, `jax`, `c` or `json`.
+        target: a form that is text, such as `json`; an unknown name raises an error with all forms.
 
     Raises:
         ValueError: an unknown target, or a model that the target cannot carry.
