@@ -141,9 +141,13 @@ fn describe_reduction(interface: &mut Interface, sources: &SourceMap) {
         if let Some(failure) = interface.finish.failures.get_mut(guard.failure as usize) {
             let equation = if places.len() == 1 { "equation" } else { "equations" };
             let places = places.join(" and ");
-            failure.text = format!(
-                "the {equation} at {places} no longer determines `{names}`; declare it with `prefer`, so that another state follows"
-            );
+            let is_state =
+                |name: &String| interface.reduction.demoted.iter().any(|demoted| demoted.elements.contains(name) || demoted.name == *name);
+            let help = match guard.names.iter().any(is_state) {
+                true => "declare it with `prefer`, so that another state follows",
+                false => "declare it with `state`",
+            };
+            failure.text = format!("the {equation} at {places} no longer determines `{names}`; {help}");
         }
     }
 }
