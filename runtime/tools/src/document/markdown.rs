@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
-/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis. Pairs of single
-/// back-ticks mark code, in which Markdown knows no escapes; other back-ticks are literal.
+/// Text of a model as Markdown without links, images, HTML, mathematics or emphasis.
+///
+/// Pairs of single back-ticks mark code, in which Markdown knows no escapes; others are literal.
 pub(super) fn prose(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let fences = text.contains("~~~");
