@@ -51,9 +51,10 @@ def test_the_c_of_the_page_compiles_and_gives_the_residual(tmp_path):
 
 
 def test_every_target_of_the_page_is_one_of_the_command_and_the_other_way_round(tmp_path):
-    named = set(re.findall(r"^\| `(casadi|jax|c|json|fmu)` \|", PAGE, re.M))
+    endings = {"casadi": "py", "jax": "py", "kernel": "c"}
+    named = set(re.findall(r"^\| `(casadi|jax|c|kernel|json|fmu)` \|", PAGE, re.M))
     for target in named:
-        file = tmp_path / f"out.{'py' if target in ('casadi', 'jax') else target}"
+        file = tmp_path / f"out.{endings.get(target, target)}"
         done = subprocess.run(
             [
                 sys.executable,

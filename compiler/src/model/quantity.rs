@@ -6,7 +6,7 @@ use crate::ir::VarId;
 
 /// A value outside the bounds of its variable.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{name}` = {value} is outside its bounds {low}..{high}{unit}")]
+#[error("`{name}` = {} is outside its bounds {}..{}{unit}", plain(*value), plain(*low), plain(*high))]
 pub struct OutsideBounds {
     /// Flattened name of the variable.
     pub name: String,
@@ -32,6 +32,11 @@ impl OutsideBounds {
         let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
         Err(Self { name: name(), value, low, high, unit })
     }
+}
+
+/// All digits of a number, with an exponent if it is very small or large.
+fn plain(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() || (1e-4..1e9).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") }
 }
 
 /// A variable as seen from outside: scalar or array.
