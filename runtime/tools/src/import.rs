@@ -13,6 +13,7 @@ mod comp;
 mod convert;
 mod document;
 mod events;
+mod extents;
 mod fast;
 mod first;
 mod initial;

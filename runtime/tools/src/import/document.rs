@@ -501,3 +501,21 @@ fn event(node: Node<'_, '_>, number: usize) -> Result<Option<Event>, Fault> {
         assignments,
     }))
 }
+
+impl Sbml {
+    /// The symbols of an expression, and those of the rules behind them.
+    pub(super) fn through(&self, math: &Math) -> Vec<String> {
+        let mut found: Vec<String> = vec![];
+        let mut stack = math.names();
+        while let Some(id) = stack.pop() {
+            if found.contains(&id) {
+                continue;
+            }
+            let rule = self.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if *own == id));
+            stack.extend(rule.map(|r| r.math.names()).unwrap_or_default());
+            stack.extend(self.reactions.iter().find(|r| r.id == id).map(|r| r.rate.names()).unwrap_or_default());
+            found.push(id);
+        }
+        found
+    }
+}

@@ -4,6 +4,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::document::{Event, Sbml, Symbol, SymbolRole, Target};
+use super::fast;
 use super::math::Math;
 use super::xml::Fault;
 
@@ -103,7 +104,7 @@ pub(super) fn find(sbml: &Sbml) -> Result<Roles, Fault> {
     let late: Vec<String> = sbml.symbols.iter().filter(|s| starts_late(sbml, &roles, &kept, s)).map(|s| s.id.clone()).collect();
     roles.extend(late.into_iter().map(|id| (id, Role::Discrete)));
     starts(sbml, &mut roles);
-    super::fast::check(sbml, &super::fast::species(sbml, &roles))?;
+    fast::check(sbml, &fast::species(sbml, |id| roles.get(id) == Some(&Role::State)))?;
     let amounts = amounts(sbml, &roles);
     Ok(Roles { roles, amounts })
 }
@@ -121,7 +122,7 @@ impl Target {
 fn algebraic(sbml: &Sbml, roles: &mut HashMap<String, Role>) -> Result<(), Fault> {
     let rules: Vec<_> = sbml.rules.iter().filter(|r| matches!(r.target, Target::Algebraic)).collect();
     let free = |id: &str| sbml.symbols.iter().any(|s| s.id == id && !s.constant) && !roles.contains_key(id);
-    let candidates: Vec<Vec<String>> = rules.iter().map(|r| through(sbml, &r.math).into_iter().filter(|id| free(id)).collect()).collect();
+    let candidates: Vec<Vec<String>> = rules.iter().map(|r| sbml.through(&r.math).into_iter().filter(|id| free(id)).collect()).collect();
     let mut of: HashMap<String, usize> = HashMap::new();
     for (rule, found) in rules.iter().enumerate() {
         if !augment(rule, &candidates, &mut of, &mut HashSet::new()) {
@@ -130,22 +131,6 @@ fn algebraic(sbml: &Sbml, roles: &mut HashMap<String, Role>) -> Result<(), Fault
     }
     roles.extend(of.into_keys().map(|id| (id, Role::Variable)));
     Ok(())
-}
-
-/// The symbols of an expression, and those of the rules behind them.
-pub(super) fn through(sbml: &Sbml, math: &Math) -> Vec<String> {
-    let mut found: Vec<String> = vec![];
-    let mut stack = math.names();
-    while let Some(id) = stack.pop() {
-        if found.contains(&id) {
-            continue;
-        }
-        let rule = sbml.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if *own == id));
-        stack.extend(rule.map(|r| r.math.names()).unwrap_or_default());
-        stack.extend(sbml.reactions.iter().find(|r| r.id == id).map(|r| r.rate.names()).unwrap_or_default());
-        found.push(id);
-    }
-    found
 }
 
 fn augment(rule: usize, candidates: &[Vec<String>], of: &mut HashMap<String, usize>, seen: &mut HashSet<String>) -> bool {
@@ -208,7 +193,7 @@ fn starts_late(sbml: &Sbml, roles: &HashMap<String, Role>, amounts: &HashSet<Str
 /// amount as it is.
 fn amounts(sbml: &Sbml, roles: &HashMap<String, Role>) -> HashSet<String> {
     let resized: HashSet<&str> = sbml.events.iter().flat_map(Event::targets).collect();
-    let moved = super::fast::species(sbml, roles);
+    let moved = fast::species(sbml, |id| roles.get(id) == Some(&Role::State));
     let kept = |s: &&Symbol| {
         if moved.contains(s.id.as_str()) {
             return true;
