@@ -88,7 +88,8 @@ def jax_batch(model: smpl.Model, physical: FloatArray) -> tuple[Run, States]:
     jax.config.update("jax_enable_x64", True)
     functions = smpl.export.jax(model)
     parameters, length = jnp.asarray(functions.parameters()), model.sampling_interval
-    atol = RTOL * jnp.array([element["scale"] for element in smpl.export.json(model)["elements"]["states"]])
+    # One number: an absolute tolerance of `odeint` is not an array.
+    atol = RTOL * min(float(element["scale"]) for element in smpl.export.json(model)["elements"]["states"])
 
     def one(x: Any, u: Any) -> Any:
         times = jnp.array([0.0, length])
