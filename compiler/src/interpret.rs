@@ -4,6 +4,8 @@
 //! A [`Tape`] is a schedule with a register for each value; it visits nodes in the order of the
 //! compiled code.
 
+use std::cell::Cell;
+
 use crate::ir::{Affine, Expr, ExprId, Exprs, FastMap, Flavour, List, MAX_DEPTH, Place, ReduceFn, Side, Target, VarId};
 use crate::kernels;
 use crate::layout::{Base, Layout};
@@ -59,6 +61,11 @@ enum Destination {
     Table { table: u32, index: Affine, plus: Affine, add: bool },
 }
 
+thread_local! {
+    /// Registers of the thread, kept so that a step allocates none.
+    static REGISTERS: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
+}
+
 impl Tape {
     /// Prepares a function.
     ///
@@ -86,8 +93,13 @@ impl Tape {
 
     /// Runs the function.
     pub fn run(&self, view: &mut View<'_>) {
-        let mut machine = Machine { registers: vec![0.0; self.registers], counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
+        // A function that is interpreted meanwhile finds none, and makes new ones.
+        let mut registers = REGISTERS.take();
+        registers.clear();
+        registers.resize(self.registers, 0.0);
+        let mut machine = Machine { registers, counters: [0; MAX_DEPTH], numbers: &self.numbers, view };
         machine.run(&self.steps);
+        REGISTERS.set(machine.registers);
     }
 }
 

@@ -58,10 +58,11 @@ fn steps_of_reactor_and_beer_allocate_nothing() {
     }
 }
 
-/// A pendulum with its angle as an algebraic unknown: corrections project its states.
+/// A pendulum with its angle as an algebraic unknown, which an event brakes: corrections project its states.
 const PENDULUM: &str = "model Pendulum\naction M : 1/s^2 = 0 in -2..2\nstate x = 0\nstate y = -1\nstate u : 1/s = 0\nstate v : 1/s = 0\n\
     var a = 0\nvar F : 1/s^2\neq d/dt x = u\neq d/dt y = v\neq d/dt u = -F*x - M*y\neq d/dt v = -F*y + M*x - 9.81[1/s^2]\n\
-    eq x = sin(a)\neq y = -cos(a)\nobserve x in -2..2\nepisode { step = 0.1 [s] }";
+    eq x = sin(a)\neq y = -cos(a)\nevent side when x > 0.05\nat side { reset u = 0.9*u }\n\
+    observe x in -2..2\nepisode { step = 0.1 [s] }";
 
 #[test]
 fn steps_that_project_states_by_corrections_allocate_nothing() {
