@@ -331,8 +331,8 @@ def test_fast_reactions_are_in_equilibrium_from_the_start_on(number, amounts, tm
     ],
 )
 def test_fast_reactions_without_a_certain_equilibrium_are_refused(law, message, tmp_path, convert):
-    said = convert(fast_file(tmp_path, law=law), tmp_path / "m.eq")
-    assert said.status == 1 and message in said.error
+    done = convert(fast_file(tmp_path, law=law), tmp_path / "m.eq")
+    assert done.status == 1 and message in done.error
 
 
 def test_damaged_files_give_an_error_or_a_model(tmp_path, convert):
