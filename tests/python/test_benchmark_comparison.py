@@ -301,3 +301,22 @@ def test_the_share_of_actions_at_a_limit_is_recorded(tmp_path):
     assert [share(one) for one in (9.0, 12.0, 16.0)] == [1.0, 0.0, 1.0]
     benchmark(tmp_path, env="Beer", algorithms=["isothermal"])
     assert json.loads((tmp_path / "control/Beer/isothermal/seed-0/scores.json").read_text())["at_limit"] == 0.0
+
+
+def test_longer_training_is_compared_on_the_common_episodes(tmp_path):
+    # Two seeds; the first two of four episodes are common. Differences 2 and 0, means 4 and 3.
+    for budget, rows in (("short", ([1.0, 3.0], [4.0, 4.0])), ("paper", ([3.0, 5.0, 90.0], [3.0, 5.0, 90.0]))):
+        for k, returns in enumerate(rows):
+            one = result("online", "PPO", k, returns, 1.0)
+            run = dataclasses.replace(one.run, budget=budget)
+            keep(dataclasses.replace(one, run=run, configuration=run.described()), tmp_path)
+    line = places([], tmp_path)["longer"].splitlines()[-1]
+    assert [cell.strip() for cell in line.strip("|").split("|")] == [
+        "Tank",
+        "PPO (online)",
+        "2",
+        "1",
+        "4",
+        "3",
+        "+2, +0",
+    ]

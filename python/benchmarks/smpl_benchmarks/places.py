@@ -20,7 +20,7 @@ from smpl_benchmarks.comparison import (
 )
 from smpl_benchmarks.controls import CONTROLS, settings
 from smpl_benchmarks.pages import grid
-from smpl_benchmarks.provenance import checks, cost, tuning
+from smpl_benchmarks.provenance import checks, cost, longer, tuning
 from smpl_benchmarks.records import Result
 from smpl_benchmarks.tracks import DERIVED, RESIDUAL, TRACKS
 
@@ -39,6 +39,7 @@ def places(results: Sequence[Result], records: Path | None = None, budget: str =
         "controls": budgets(every),
         "checks": checks(records, budget),
         "cost": cost(main),
+        "longer": longer(records),
         "tuning": tuning(),
     }
     for one in every:

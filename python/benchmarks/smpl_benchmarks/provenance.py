@@ -1,4 +1,4 @@
-"""Places of the page on the origin of the records: texts of the models, tuning, time of a run."""
+"""Places of the page on the origin of the records: texts, tuning, budgets, time of a run."""
 
 from __future__ import annotations
 
@@ -73,3 +73,30 @@ def cost(results: Sequence[Result]) -> str:
         for (suite, name), row in sorted(times.items())
     ]
     return grid(["suite", "row", *envs], lines, left=2) if lines else "No policy was trained."
+
+
+def longer(records: Path | None) -> str:
+    """Rows trained with the budget `paper`, compared with `short` on the common test episodes."""
+    head = ["process", "row", "seeds", "steps", "return", "return with `short`", "paper - short, by seed"]
+    lines = []
+    for suite in ("offline", "online"):
+        short, paper = (kept((records or Path()) / f"{budget}-{suite}.jsonl") for budget in ("short", "paper"))
+        for env, name in dict.fromkeys(key[:2] for key in paper):
+            pairs = [(paper[key], short[key]) for key in sorted(paper) if key[:2] == (env, name) and key in short]
+            if pairs:
+                lines.append([env, f"{name} ({suite})", *_longer(pairs)])
+    return grid(head, lines, left=2) if lines else "No row was trained with the budget `paper`."
+
+
+def _longer(pairs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> list[str]:
+    count = min(len(one["scores"]["returns"]) for pair in pairs for one in pair)
+    for pair in pairs:
+        paper, short = (one["configuration"] for one in pair)
+        if (paper["seed"], paper["arguments"]) != (short["seed"], short["arguments"]):
+            raise ValueError(f"{short['env']} {short['controller']}: both budgets need the same test episodes")
+    long, short = (
+        np.array([pair[side]["scores"]["returns"][:count] for pair in pairs], dtype=np.float64) for side in (0, 1)
+    )
+    steps = int(pairs[0][0]["curve"]["steps"][-1])
+    apart = ", ".join(f"{one:+.4g}" for one in (long - short).mean(axis=1))
+    return [str(len(pairs)), f"{steps:,}", f"{long.mean():.5g}", f"{short.mean():.5g}", apart]
