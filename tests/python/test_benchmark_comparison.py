@@ -24,6 +24,7 @@ from smpl_benchmarks.significance import (
     supported,
 )
 from smpl_benchmarks.subjects import SUBJECTS
+from smpl_benchmarks.tracks import RANGES
 
 
 def result(suite, controller, number, returns, validation=None, **scores):
@@ -151,8 +152,109 @@ def test_places_of_the_page_are_made_from_records():
     assert "| reference | 4 | +4 | 0 |" in found["reference Tank"]
 
 
+# Ten seeds: PPO has the gains 3, 5, ... 21 over nominal, and 2, 3, ... 11 over the control.
+MANY = [
+    *FOUND,
+    *(result("control", "nominal", k, [0.0, 2.0], -9.0) for k in range(3, 10)),
+    *(result("control", "tuned", k, [1.0 + k, 3.0 + k], 1.0) for k in range(3, 10)),
+    *(result("online", "PPO", k, [3.0 + 2 * k, 5.0 + 2 * k], 5.0) for k in range(3, 10)),
+    *(result("online", "lucky", k, [9.0, 11.0], 0.0) for k in range(3, 5)),
+]
+
+
+def test_rows_of_ten_seeds_have_a_table_next_to_those_of_three():
+    found, of_three = places(MANY), places(FOUND)
+    assert all(found[one] == of_three[one] for one in ("comparison Tank", "reference Tank", "published"))
+    lines = found["seeds"].splitlines()
+    # Without two seeds at each end, 7, 9, ... 17 remain: mean 12. Differences 2, 3, ... 11 have the mean 6.5 and the
+    # deviation 3.0277; Student's quantile of nine degrees of freedom is 2.2622.
+    half = 2.2622 * math.sqrt(110 / 12) / math.sqrt(10)
+    ppo, tuned = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:4])
+    assert ppo[:5] == ["Tank", "online", "PPO", "10 x 2", "13"] and ppo[5].startswith("+12 (+")
+    assert ppo[6:8] == ["+12", "+3"] and ppo[8] == f"+6.5 ({6.5 - half:+.4g} to {6.5 + half:+.4g}), **above**"
+    assert tuned[1:3] == ["control", "tuned"] and tuned[6:] == ["+5.5", "+1", ""]
+    assert (
+        lines[-1]
+        == "Not on all blocks, and therefore not compared: Tank online lucky (2 + 2 + 2 + 2 + 2 of 10 x 2 episodes)."
+    )
+
+
+def test_a_claim_has_all_blocks_that_both_selected_rows_have():
+    one = claim(compare("Tank", MANY))
+    assert one.difference == 6.5 and one.nominal.returns.shape == (10, 2) and one.sign == 1
+    assert places(MANY)["best"].splitlines()[2].startswith("| Tank | 10 x 2 | 1 | tuned | +5.5 (")
+    assert "On the 10 x 2 test episodes their returns differ by +6.5 per episode" in places(MANY)["claim Tank"]
+
+
+@pytest.mark.parametrize("control", ["tuned", "nominal"])
+def test_ten_seeds_without_controls_on_their_blocks_are_not_compared(control):
+    few = [one for one in MANY if one.run.controller != control or one.run.number < 3]
+    assert claim(compare("Tank", few)).difference == 3
+    text = places(few)["seeds"]
+    assert f"Tank control {control} (2 + 2 + 2 of 10 x 2 episodes)" in text
+    assert ("| Tank | online | PPO |" in text) == (control == "tuned") and "above" not in text
+    if control == "nominal":
+        assert text.startswith("No row is compared on more than 3 training seeds.")
+
+
+def test_rows_of_a_track_are_compared_with_controls_on_its_episodes():
+    def moved(one, track, **changed):
+        return dataclasses.replace(one, run=dataclasses.replace(one.run, track=track, env="Beer", **changed))
+
+    # The track `raw` has the task of the main tables, `generalisation` its own episodes.
+    learned = [one for one in FOUND if one.run.controller == "PPO"]
+    main = [moved(one, "residual", budget="short") for one in FOUND if one.run.suite == "control"]
+    found = [*main, *(moved(one, track) for one in learned for track in ("raw", "generalisation"))]
+    counts = {"smoke": 1, "short": 2, "paper": 2}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SUBJECTS, "Beer", dataclasses.replace(SUBJECTS["Beer"], episodes=counts))
+        bare = places(found)["tracks"]
+        whole = places([*found, *(moved(one, "generalisation") for one in FOUND[:6])])["tracks"]
+    rows = [line for line in bare.splitlines() if line.startswith("| ")][2:]
+    assert rows == [
+        "| raw | Beer | PPO | 3 x 2 | 6 | +5 (+3 to +7) | +3 (+0.5158 to +5.484), **above** |  | 0 |",
+        "| raw | Beer | tuned | 3 x 2 | 3 | +2 (+1 to +3) |  |  | 0 |",
+    ]
+    assert "not compared: generalisation Beer PPO (no nominal policy)." in bare
+    assert "--suite control --budget short --track generalisation --env Reactor --env Beer --out" in bare
+    assert "--suite control --budget short --track raw" not in bare
+    assert "| generalisation | Beer | PPO | 3 x 2 | 6 | +5 (+3 to +7) |" in whole
+    assert "--track generalisation --env Reactor --out" in whole
+
+
+def test_controls_run_on_the_episodes_of_a_track(tmp_path, monkeypatch):
+    pytest.importorskip("yaml")
+    counts = {"smoke": 1, "short": 2, "paper": 2}
+    monkeypatch.setitem(SUBJECTS, "Reactor", dataclasses.replace(SUBJECTS["Reactor"], episodes=counts, validation=0))
+    given = {"budget": "short", "env": "Reactor", "seeds": 1, "workers": 1, "results": tmp_path}
+    benchmark(tmp_path, **given, algorithms=["nominal"], track="generalisation")
+    (line,) = (tmp_path / "short-control-generalisation.jsonl").read_text().splitlines()
+    task = Task.of("smpl/Reactor-v0", scenario="legacy", reward="setpoint_change")
+    ranges = {"U": [49.4, 60.4], "T_f": [75.1, 78.6]}
+    drawn, fixed = (
+        score(Plan.of(task, "nominal", 2, randomize=one), 1, kept=0).returns.tolist() for one in (ranges, None)
+    )
+    assert json.loads(line)["scores"]["returns"] == pytest.approx(drawn, rel=1e-6) != pytest.approx(fixed, rel=1e-3)
+    # Slow controls do not run in a track; `raw` has the controls of the main tables.
+    assert {one.controller for one in runs("control", "short", "Beer", 1, track="partial")} == {
+        *("profile", "isothermal", "nominal", "constant", "open_loop"),
+    }
+    assert {one.track for one in runs("control", "short", "Beer", 1, track="raw")} == {"residual"}
+    # Those that read states without noise are not rivals of policies that see measurements.
+    assert not {one.controller for one in runs("control", "short", "Reactor", 1, track="partial")} & {"lqr", "pid"}
+
+
+@pytest.mark.parametrize(("env", "name"), [(env, name) for env, one in RANGES.items() for name in one["test"]])
+def test_each_parameter_that_a_track_draws_changes_returns(env, name):
+    task = Task.of(f"smpl/{env}-v0", **SUBJECTS[env].arguments)
+    control = controls.made(task, env, "open_loop", controls.tuned()[env]["open_loop"]["point"])
+    ranges = {name: list(RANGES[env]["test"][name])}
+    drawn, fixed = (score(Plan.of(task, control, 20, randomize=one), 1, kept=0).returns for one in (ranges, None))
+    assert np.abs(drawn - fixed).max() > 0.5
+
+
 def test_learners_by_derivatives_without_a_record_have_their_command(monkeypatch):
-    monkeypatch.setattr("smpl_benchmarks.places.DERIVED", {"PPO": ("Tank",), "SHAC": ("Tank",), "DiffNMPC": ("Beer",)})
+    monkeypatch.setattr("smpl_benchmarks.further.DERIVED", {"PPO": ("Tank",), "SHAC": ("Tank",), "DiffNMPC": ("Beer",)})
     lines = [line for line in places(FOUND)["tracks"].splitlines() if "residual" in line]
     assert len(lines) == 1 and "--track residual --env Tank --algorithm SHAC" in lines[0]
 

@@ -27,7 +27,7 @@ from smpl.learning.reports import text_table
 from smpl.learning.scores import score
 from smpl.support.arguments import as_count
 from smpl_benchmarks import controls, gallery, release, tune, tune_controls
-from smpl_benchmarks.common import SEEDS
+from smpl_benchmarks.common import MOST_SEEDS, SEEDS
 from smpl_benchmarks.curves import draw
 from smpl_benchmarks.historical import __main__ as historical
 from smpl_benchmarks.learned import train_and_score, validator, versions
@@ -36,7 +36,7 @@ from smpl_benchmarks.places import places
 from smpl_benchmarks.records import Result, in_folder, keep, recorded
 from smpl_benchmarks.subjects import BUDGETS, SUBJECTS, SUITES, Run, runs
 from smpl_benchmarks.tables import lines, remarks, table
-from smpl_benchmarks.tracks import RESIDUAL, TRACKS
+from smpl_benchmarks.tracks import RESIDUAL, TRACKS, of_controls
 
 __all__ = ["SUBJECTS", "Run", "benchmark", "main", "runs"]
 
@@ -76,7 +76,7 @@ def benchmark(
         run_nothing: make table and figures of the finished runs only.
         results: folder of records of finished runs; with `resume`, runs with a record are not run
             again.
-        track: of learned policies, see `smpl_benchmarks.tracks`.
+        track: see `smpl_benchmarks.tracks`.
 
     Returns:
         What `table.json` holds.
@@ -123,12 +123,14 @@ def finished(
 ) -> list[Result]:
     """Finished results of a suite in all its tracks, in the folder `out` or by their record."""
     kept = None if records is None else Path(records)
-    every = runs(suite, budget, env, SEEDS, config=config)
+    every = runs(suite, budget, env, MOST_SEEDS, config=config)
     envs = [name for name in SUBJECTS if name in {one.env for one in every}]
     for track, about in TRACKS.items():
         names = [name for name in envs if name in (about.processes or SUBJECTS)]
         if suite in ("online", "all") and about.learners and track != RESIDUAL and names:
             every += runs("online", budget, names, SEEDS, about.learners, config, track)
+            if of_controls(track) == track:
+                every += runs("control", budget, names, SEEDS, (), config, track)
     return [found for one in every if (found := _result(one, out, kept)) is not None]
 
 
@@ -239,7 +241,7 @@ def _make(one: Run, out: Path, workers: int | None) -> str:
     try:
         if one.suite == "control":
             controller = _controller(one, task)
-            plan = Plan.of(task, controller, one.episodes, seed=one.seed)
+            plan = Plan.of(task, controller, one.episodes, seed=one.seed, randomize=one.settings.get("randomize"))
             _describe(folder, configuration)
             report = score(plan, workers, kept=0).report()
             report["seconds"] = time.perf_counter() - begin

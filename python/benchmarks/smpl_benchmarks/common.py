@@ -11,8 +11,8 @@ import numpy as np
 from smpl.support.arguments import FloatArray
 from smpl_benchmarks.records import Result
 
-# Training seeds of a row, each with its block of test episodes.
-SEEDS = 3
+# Training seeds of a row, each with its block of test episodes; and the most that a row may have.
+SEEDS, MOST_SEEDS = 3, 10
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from smpl_benchmarks import paper
+from smpl_benchmarks.cells import between, decided, episodes_of, gain, number, over, share
+from smpl_benchmarks.common import SEEDS
 from smpl_benchmarks.comparison import (
     THRESHOLDS,
     Comparison,
@@ -19,26 +18,27 @@ from smpl_benchmarks.comparison import (
     figures,
 )
 from smpl_benchmarks.controls import CONTROLS, settings
+from smpl_benchmarks.further import seeds, tracks
 from smpl_benchmarks.pages import grid
 from smpl_benchmarks.provenance import checks, cost, longer, tuning
 from smpl_benchmarks.records import Result
-from smpl_benchmarks.tracks import DERIVED, RESIDUAL, TRACKS
-
-_MARKS = {1: "+", 0: "", -1: "-"}
+from smpl_benchmarks.tracks import RESIDUAL
 
 
 def places(results: Sequence[Result], records: Path | None = None, budget: str = "short") -> dict[str, str]:
     """Text of each place by its name, from finished runs and the folder of their records."""
     main = [one for one in results if one.run.track == RESIDUAL]
     every = compared(main)
+    first = [one for one in main if one.run.number < SEEDS]
     found = {
         "best": headline(every),
         "aggregate": aggregated(every),
-        "published": published(main),
+        "published": published(first),
+        "seeds": seeds(every),
         "tracks": tracks(results, every),
         "controls": budgets(every),
         "checks": checks(records, budget),
-        "cost": cost(main),
+        "cost": cost(first),
         "longer": longer(records),
         "tuning": tuning(),
     }
@@ -67,22 +67,21 @@ def headline(every: Sequence[Comparison]) -> str:
     lines = []
     for one in every:
         found = claim(one)
-        episodes = f"{len(one.nominal.starts)} x {one.nominal.returns.shape[1]}"
-        begin = [one.env, episodes, f"{one.nominal.returns.mean():.5g}"]
+        nominal = one.nominal if found is None else found.nominal
+        begin = [one.env, episodes_of(nominal), f"{nominal.returns.mean():.5g}"]
         reference = f"{one.reference_gain:+.4g}"
         if found is None:
             lines.append([*begin, *["not validated", "", "", "", ""], reference])
             continue
-        control, learned = (figures(one, row, None) for row in (found.control, found.learned))
-        verdict = {1: "**above**", 0: "not decided", -1: "**below**"}[found.sign]
-        difference = f"{found.difference:+.4g} ({_between(found.student)}), {verdict}"
+        control, learned = (figures(nominal, row, None) for row in (found.control, found.learned))
+        difference = decided(found.difference, found.student, found.sign)
         lines.append(
             [
                 *begin,
                 found.control.controller,
-                _gain(control),
+                gain(control),
                 found.learned.controller,
-                _gain(learned),
+                gain(learned),
                 difference,
                 reference,
             ]
@@ -95,14 +94,13 @@ def sentence(one: Comparison) -> str:
     found = claim(one)
     if found is None:
         return "No row of this process has validation scores, so that no policy is selected and nothing is claimed."
-    seeds, count = one.nominal.returns.shape
     learned, control = found.learned.controller, found.control.controller
     verdict = {
         1: f"`{learned}` is above `{control}`",
         0: f"the data do not decide between `{learned}` and `{control}`",
         -1: f"`{learned}` is below `{control}`",
     }[found.sign]
-    others = [row.controller for row, sign in better_than(one, found.control) if sign > 0 and row is not found.learned]
+    others = [row.controller for row, sign in better_than(one, found.control) if sign > 0 and row.controller != learned]
     more = f"No other learned row has both intervals above `{control}`."
     if others:
         more = f"Other learned rows above `{control}`, without correction for their number: {', '.join(others)}."
@@ -113,8 +111,9 @@ def sentence(one: Comparison) -> str:
         more += f"\nControls that were not run: {', '.join(missing)}."
     return (
         f"Validation selects the control `{control}` and the learned policy `{learned}`.\n"
-        f"On the {seeds} x {count} test episodes their returns differ by {found.difference:+.4g} per episode "
-        f"(95 % over seeds: bootstrap {_between(found.bootstrap)}, Student {_between(found.student)}): {verdict}.\n"
+        f"On the {episodes_of(found.nominal)} test episodes their returns differ by {found.difference:+.4g} "
+        f"per episode (95 % over seeds: bootstrap {between(found.bootstrap)}, "
+        f"Student {between(found.student)}): {verdict}.\n"
         f"A training is better than the control with probability {found.probability:.2f}.\n{more}"
     )
 
@@ -138,14 +137,12 @@ def comparison(one: Comparison) -> str:
     ]
     lines = []
     for row in sorted(one.rows, key=lambda row: -float(row.returns.mean())):
-        mine = figures(one, row, control)
-        over = "" if mine["over"] is None else f"{mine['over']:+.4g} {_MARKS[mine['sign']]}".strip()
+        mine = figures(one.nominal, row, control)
         lines.append(
             [
-                row.suite, row.controller, f"{mine['return']:.5g}", f"{mine['gain']:+.4g}", _between(mine["interval"]),
-                f"{mine['better']} of {row.returns.size}", over, _number(mine["validation"]), _share(mine["at_limit"]),
-                "" if mine["failures"] is None else str(mine["failures"]),
-                _number(mine["cost"]),
+                row.suite, row.controller, f"{mine['return']:.5g}", f"{mine['gain']:+.4g}", between(mine["interval"]),
+                f"{mine['better']} of {row.returns.size}", over(mine), number(mine["validation"]),
+                share(mine["at_limit"]), number(mine["failures"]), number(mine["cost"]),
             ]
         )  # fmt: skip
     text = grid(head, lines, left=2)
@@ -177,8 +174,8 @@ def aggregated(every: Sequence[Comparison]) -> str:
     head = ["row", "IQM", "95 %", *(f"> {one:g}" for one in THRESHOLDS), *rival]
     lines = [
         [
-            row["row"], f"{row['iqm']:.3g}", _between(row["interval"]), *(f"{share:.2f}" for share in row["profile"]),
-            *([_number(row["improvement"])] if rival else []),
+            row["row"], f"{row['iqm']:.3g}", between(row["interval"]), *(f"{share:.2f}" for share in row["profile"]),
+            *([number(row["improvement"])] if rival else []),
         ]
         for row in found
     ]  # fmt: skip
@@ -196,58 +193,6 @@ def published(results: Sequence[Result]) -> str:
     )
 
 
-def tracks(results: Sequence[Result], every: Sequence[Comparison]) -> str:
-    """Tracks with their finished runs, and a command for what is not trained."""
-    head = ["track", "process", "row", "seeds", "return", "gain over nominal", "episodes"]
-    lines, commands = [], []
-    for name, track in TRACKS.items():
-        if name == RESIDUAL or not track.learners:
-            continue
-        missing: dict[tuple[str, ...], list[str]] = {}
-        for env in track.processes or tuple(one.env for one in every):
-            found = {learner: [one for one in results if _in(one, name, env, learner)] for learner in track.learners}
-            lines += [_of_track(name, env, learner, mine, every) for learner, mine in found.items() if mine]
-            missing.setdefault(tuple(learner for learner, mine in found.items() if not mine), []).append(env)
-        commands += [_command(name, envs, learners) for learners, envs in missing.items() if learners]
-    for learner, able in DERIVED.items():
-        envs = [one.env for one in every if one.env in able]
-        left = [env for env in envs if not any(_in(one, RESIDUAL, env, learner) for one in results)]
-        commands += [_command(RESIDUAL, left, [learner])] if left else []
-    text = grid(head, lines, left=3) if lines else ""
-    if commands:
-        text += "\nNot trained at this budget:\n\n```sh\n" + "\n".join(commands) + "\n```\n"
-    return text
-
-
-def _in(one: Result, track: str, env: str, learner: str) -> bool:
-    return (one.run.track, one.run.env, one.run.controller) == (track, env, learner)
-
-
-def _of_track(name: str, env: str, learner: str, mine: Sequence[Result], every: Sequence[Comparison]) -> list[str]:
-    returns = [value for one in mine for value in one.scores["returns"]]
-    begin = [name, env, learner, str(len(mine)), f"{sum(returns) / len(returns):.5g}"]
-    nominal = next((one.nominal for one in every if one.env == env), None)
-    # Drawn parameters make other episodes, without a gain over the main table's nominal policy.
-    if nominal is None or TRACKS[name].ranges:
-        return [*begin, "", str(len(returns))]
-    blocks = dict(zip(nominal.starts, nominal.returns, strict=True))
-    gains = [
-        float((np.asarray(one.scores["returns"][: len(blocks[one.run.seed])]) - blocks[one.run.seed]).mean())
-        for one in mine
-        if one.run.seed in blocks and len(one.scores["returns"]) >= len(blocks[one.run.seed])
-    ]
-    shown = f"{sum(gains) / len(gains):+.4g} ({', '.join(f'{gain:+.4g}' for gain in gains)})" if gains else ""
-    return [*begin, shown, str(len(returns))]
-
-
-def _command(track: str, envs: Sequence[str], learners: Sequence[str]) -> str:
-    which = " ".join([*(f"--env {env}" for env in envs), *(f"--algorithm {learner}" for learner in learners)])
-    return (
-        f"python -m smpl.benchmark --suite online --budget short --track {track} {which} "
-        "--out runs --resume --results docs/results/benchmark"
-    )
-
-
 def budgets(every: Sequence[Comparison]) -> str:
     """Controls of each process with the budget of their tuning."""
     head = ["process", "row", "method", "tuning"]
@@ -258,19 +203,3 @@ def budgets(every: Sequence[Comparison]) -> str:
             budget = settings(one.env, name)["control"]["budget"]
             lines.append([one.env, name, control.what, budget if run else f"{budget}; not run"])
     return grid(head, lines, left=4)
-
-
-def _gain(mine: Mapping[str, Any]) -> str:
-    return f"{mine['gain']:+.4g} ({_between(mine['interval'])})"
-
-
-def _between(ends: Sequence[float]) -> str:
-    return f"{ends[0]:+.4g} to {ends[1]:+.4g}"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
-
-
-def _share(value: float | None) -> str:
-    return "" if value is None else f"{100 * value:.0f} %"

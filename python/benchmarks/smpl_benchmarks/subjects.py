@@ -164,7 +164,8 @@ def runs(
             processes if none.
         algorithms: names of controllers and algorithms; all if empty.
         config: a YAML file over the configuration of the package.
-        track: of learned policies, see `smpl_benchmarks.tracks`.
+        track: see `smpl_benchmarks.tracks`; controls of a track with the task and the episodes of
+            the residual one are those of that track.
 
     Raises:
         ValueError: no such suite, budget, environment or algorithm.
@@ -180,24 +181,26 @@ def runs(
         for name, (place, arguments) in places.items():
             _check_collecting(given["processes"].get(name, {}), place or f"smpl/{name}-v0", arguments)
     for part in chosen:
+        way = tracks.of_controls(track) if part == "control" else track
         for name, (place, arguments) in places.items():
             further = given["processes"].get(name, {}).get("controllers", {})
             subject = SUBJECTS[name] if not place else _subject(place, arguments, further)
             rivals = controls.known(name) if not place and budget != "smoke" else {}
             listed = [*subject.controllers, *rivals] if part == "control" else configuration.algorithms(given, part)
+            if part == "control" and way != tracks.RESIDUAL and not place:
+                listed = [one for one in listed if one in tracks.TRACKS[way].controls]
             known |= set(listed)
             for one in listed:
                 if not algorithms or one in algorithms:
                     if part != "control":
                         settings = configuration.settings(given, part, name, one, budget)
-                        if track != tracks.RESIDUAL:
-                            settings = tracks.in_track(track, name, settings)
                     elif one in rivals:
                         settings = controls.settings(name, one)
                     else:
                         settings = _of_ones_own(str(further[one]), place, arguments) if one in further else {}
+                    if way != tracks.RESIDUAL:
+                        settings = tracks.in_track(way, name, settings, learned=part != "control")
                     about = (part, budget, name, one)
-                    way = tracks.RESIDUAL if part == "control" else track
                     found += [_run(about, subject, number, settings, place, way) for number in range(count)]
     for one in algorithms:
         one_of("algorithm", one, sorted(known))
