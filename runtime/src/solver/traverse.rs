@@ -503,6 +503,7 @@ pub(crate) trait Traverse {
             return Ok(false);
         }
         self.evaluate_roots(time)?;
+        self.measure_noise(time)?;
         if self.watched().0.is_at_threshold() {
             let ahead = self.span(AHEAD);
             self.evaluate_along(ahead, true)?;

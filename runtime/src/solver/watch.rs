@@ -519,13 +519,14 @@ impl Watch {
         self.note_undefined();
         for (i, fired) in fired.iter_mut().enumerate() {
             let (value, kind, edge) = (self.values[i], self.kinds[i], self.edges[i]);
-            let (motion, stays) = (self.motion[i], edge.stays(value));
+            let (motion, noise, stays) = (self.motion[i], self.noise[i], edge.stays(value));
             self.edges[i] = match value {
                 value if value.is_nan() => edge,
                 _ if stays && motion != 0.0 => Edge { holds: motion > 0.0, ..edge },
                 _ if stays => edge,
-                0.0 => Edge { holds: if kind.strict { motion > 0.0 } else { true }, band: 0.0 },
-                _ => Edge { holds: value > 0.0, band: AWAY },
+                0.0 => Edge { holds: if kind.strict { motion > 0.0 } else { true }, band: noise },
+                // Where the step begins, its polynomial is off by rounding.
+                _ => Edge { holds: value > 0.0, band: if value.abs() <= noise { noise } else { AWAY } },
             };
             *fired = if kind.role == RootRole::Event { change(edge, self.edges[i], kind) } else { 0 };
         }

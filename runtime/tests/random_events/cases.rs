@@ -429,6 +429,105 @@ fn events_that_approach_a_cycle_are_counted() {
     }
 }
 
+/// Cases that random numbers found: a state is set to a threshold, and the polynomial of the next step begins off it by rounding.
+fn resets_to_thresholds() -> Vec<Case> {
+    let event = |state, rises, strict, threshold, rate, reset| Event { state, rises, strict, threshold, rate, reset };
+    vec![
+        Case {
+            start: [1.0, -0.5],
+            rates: [-2.0, -1.0],
+            step: 0.5,
+            events: vec![
+                event(1, false, false, -0.25, None, None),
+                event(1, false, false, -0.75, None, Some((1, -0.25))),
+                event(0, false, true, 0.25, None, Some((1, -0.5))),
+                event(0, true, true, 0.5, Some((0, -2.0)), None),
+            ],
+        },
+        Case {
+            start: [1.0, -1.0],
+            rates: [1.0, 1.0],
+            step: 0.75,
+            events: vec![
+                event(0, false, false, -0.5, None, None),
+                event(0, true, false, 0.0, Some((0, -0.5)), Some((0, -0.5))),
+                event(0, false, true, 0.0, None, None),
+                event(0, false, false, -0.75, Some((0, 2.0)), None),
+            ],
+        },
+        Case {
+            start: [-1.0, -0.25],
+            rates: [1.0, 0.5],
+            step: 0.37,
+            events: vec![
+                event(0, true, true, -0.75, None, Some((1, 0.0))),
+                event(1, false, true, -0.75, None, Some((0, -1.0))),
+                event(1, true, false, 0.0, Some((1, -1.0)), Some((1, -0.75))),
+            ],
+        },
+        Case {
+            start: [0.5, -0.25],
+            rates: [0.5, 1.0],
+            step: 2.9,
+            events: vec![
+                event(1, true, true, 0.5, Some((1, 0.5)), None),
+                event(0, false, true, -0.5, Some((0, 1.0)), Some((1, -1.0))),
+                event(0, true, false, -0.25, Some((0, -1.0)), Some((1, 0.5))),
+                event(1, false, true, 1.0, None, None),
+            ],
+        },
+        Case {
+            start: [-1.0, -1.0],
+            rates: [0.5, -2.0],
+            step: 2.9,
+            events: vec![
+                event(0, false, true, 1.0, None, None),
+                event(0, true, false, 0.25, None, None),
+                event(0, true, true, -0.5, Some((1, -2.0)), Some((0, 0.25))),
+                event(1, true, false, 0.25, Some((1, -0.5)), Some((0, -0.5))),
+            ],
+        },
+        Case {
+            start: [0.75, 0.0],
+            rates: [2.0, 1.0],
+            step: 1.0,
+            events: vec![
+                event(0, true, true, 1.0, Some((0, 1.0)), Some((0, 0.75))),
+                event(1, true, true, 0.0, Some((1, -0.5)), None),
+                event(0, true, true, 0.75, None, None),
+            ],
+        },
+        Case {
+            start: [-1.0, 0.0],
+            rates: [1.0, -0.5],
+            step: 2.9,
+            events: vec![
+                event(0, true, true, 0.25, None, Some((0, 0.25))),
+                event(1, true, false, 0.25, Some((0, 2.0)), Some((0, 0.5))),
+                event(1, false, false, -0.75, Some((0, -0.5)), None),
+                event(1, false, true, -0.5, None, Some((0, 0.25))),
+            ],
+        },
+        Case {
+            start: [0.0, -0.25],
+            rates: [-0.5, -2.0],
+            step: 1.1,
+            events: vec![
+                event(0, false, false, -0.75, Some((0, -1.0)), Some((1, -0.75))),
+                event(1, false, true, -1.0, None, Some((0, 0.75))),
+                event(0, true, true, 0.5, None, Some((0, -0.75))),
+            ],
+        },
+    ]
+}
+
+#[test]
+fn a_condition_that_holds_before_and_after_a_reset_to_its_threshold_does_not_happen() {
+    for case in resets_to_thresholds() {
+        check(&case).expect("the exact events");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
