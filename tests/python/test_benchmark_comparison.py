@@ -14,6 +14,7 @@ from smpl.learning.scores import score
 from smpl_benchmarks import controls, paper, tune_controls
 from smpl_benchmarks.common import Row, check_same, common_rows, reference_of
 from smpl_benchmarks.comparison import claim, compare
+from smpl_benchmarks.data_curve import data_runs
 from smpl_benchmarks.places import places
 from smpl_benchmarks.records import Result, keep, place
 from smpl_benchmarks.significance import (
@@ -242,6 +243,45 @@ def test_controls_run_on_the_episodes_of_a_track(tmp_path, monkeypatch):
     assert {one.track for one in runs("control", "short", "Beer", 1, track="raw")} == {"residual"}
     # Those that read states without noise are not rivals of policies that see measurements.
     assert not {one.controller for one in runs("control", "short", "Reactor", 1, track="partial")} & {"lqr", "pid"}
+
+
+def test_gains_by_the_size_of_the_data_have_their_difference():
+    def sized(size, gains):
+        for k, gain in enumerate(gains):
+            run = Run("offline", "short", "Reactor", f"PLAS-medium-{size}", k, k * 1_000_000, 2, {}, {}, track="data")
+            yield Result(run, {**FOUND[0].scores, "returns": [gain, 2.0 + gain]}, [], {})
+
+    zero = [
+        dataclasses.replace(one, run=dataclasses.replace(one.run, env="Reactor", budget="short")) for one in FOUND[:3]
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SUBJECTS, "Reactor", dataclasses.replace(SUBJECTS["Reactor"], episodes={"short": 2}))
+        text = places([*zero, *sized(20, [1, 2, 3]), *sized(2000, [4, 6, 8])])["data"]
+    # Differences 3, 4, 5: Student's interval is 4 - 2.484 to 4 + 2.484.
+    line = "| Reactor | medium | PLAS | +2 (+1 to +3) |  |  | +6 (+4 to +8) | +4 (+1.516 to +6.484), **above** |"
+    assert text.splitlines()[2:] == [line]
+    assert places(FOUND)["data"] == "No row was trained on data sets of different sizes.\n"
+
+
+def test_runs_of_the_suite_of_data_differ_in_their_data_only():
+    pytest.importorskip("yaml")
+    small, large = (
+        one
+        for one in data_runs("short", seeds=1, algorithms=["PLAS"])
+        if one.controller in ("PLAS-medium-20", "PLAS-medium-2000")
+    )
+    (plain,) = runs("offline", "short", "Reactor", 1, ["PLAS"])
+    assert (small.settings["data"]["episodes"], large.settings["data"]["episodes"]) == (20, 2000)
+    assert {**large.settings, "data": None} == {**small.settings, "data": None}
+    assert {**small.settings, "data": None} == {**plain.settings, "data": None, "algorithm": "PLAS"}
+    assert (small.seed, small.episodes, small.arguments) == (plain.seed, plain.episodes, plain.arguments)
+    assert place(small, controls.FILE.parent).name == "short-offline-data.jsonl"
+    for what, says in (
+        ({"env": "Tank"}, "env is 'Tank'"),
+        ({"algorithms": ["PPO"]}, "algorithm is 'PPO'; there are: PLAS"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            data_runs("short", **what)
 
 
 @pytest.mark.parametrize(("env", "name"), [(env, name) for env, one in RANGES.items() for name in one["test"]])

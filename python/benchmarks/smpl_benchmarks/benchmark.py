@@ -29,6 +29,7 @@ from smpl.support.arguments import as_count
 from smpl_benchmarks import controls, gallery, release, tune, tune_controls
 from smpl_benchmarks.common import MOST_SEEDS, SEEDS
 from smpl_benchmarks.curves import draw
+from smpl_benchmarks.data_curve import DATA, ENV, data_runs
 from smpl_benchmarks.historical import __main__ as historical
 from smpl_benchmarks.learned import train_and_score, validator, versions
 from smpl_benchmarks.pages import markdown, place_in, places_of
@@ -88,7 +89,11 @@ def benchmark(
     if workers is not None:
         as_count("workers", workers)
     count = seeds if seeds is not None else (1 if budget == "smoke" else 3)
-    every = runs(suite, budget, env, count, algorithms, config, track)
+    every = (
+        data_runs(budget, env, count, algorithms, config)
+        if suite == DATA
+        else runs(suite, budget, env, count, algorithms, config, track)
+    )
     if run_nothing:
         every = [one for one in every if _result(one, folder, records) is not None]
         if not every:
@@ -123,7 +128,12 @@ def finished(
 ) -> list[Result]:
     """Finished results of a suite in all its tracks, in the folder `out` or by their record."""
     kept = None if records is None else Path(records)
-    every = runs(suite, budget, env, MOST_SEEDS, config=config)
+    if suite == DATA:
+        every = [*data_runs(budget, env, config=config), *runs("control", budget, env or ENV, SEEDS)]
+    else:
+        every = runs(suite, budget, env, MOST_SEEDS, config=config)
+    if suite == "all" and ENV in {one.env for one in every}:
+        every += data_runs(budget, config=config)
     envs = [name for name in SUBJECTS if name in {one.env for one in every}]
     for track, about in TRACKS.items():
         names = [name for name in envs if name in (about.processes or SUBJECTS)]
@@ -298,8 +308,9 @@ def _same(folder: Path, configuration: dict[str, Any]) -> None:
 
 def _learned(one: Run, task: Task, folder: Path, data: Path, workers: int | None) -> dict[str, Any]:
     scored = {"seed": one.seed, "episodes": one.episodes}
+    algorithm = one.settings.get("algorithm", one.controller)
     return train_and_score(
-        one.suite, task, one.controller, one.number, scored, one.settings, folder, data, workers
+        one.suite, task, algorithm, one.number, scored, one.settings, folder, data, workers
     )  # fmt: skip
 
 
@@ -330,7 +341,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "gallery --help: controllers of the gallery",
     )
     once(parser)
-    parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all")
+    parser.add_argument("--suite", default="control", help=f"one of {', '.join(SUITES)}, all, {DATA}")
     parser.add_argument("--budget", default="smoke", help=f"one of {', '.join(BUDGETS)}")
     parser.add_argument(
         "--env", action="append", metavar="ENV", help="instead of all: a process, or the path of a model; repeatable"

@@ -18,6 +18,7 @@ from smpl_benchmarks.comparison import (
     figures,
 )
 from smpl_benchmarks.controls import CONTROLS, settings
+from smpl_benchmarks.data_curve import data_table
 from smpl_benchmarks.further import seeds, tracks
 from smpl_benchmarks.pages import grid
 from smpl_benchmarks.provenance import checks, cost, longer, tuning
@@ -40,6 +41,7 @@ def places(results: Sequence[Result], records: Path | None = None, budget: str =
         "checks": checks(records, budget),
         "cost": cost(first),
         "longer": longer(records),
+        "data": data_table(results),
         "tuning": tuning(),
     }
     for one in every:
