@@ -5,6 +5,10 @@ import pytest
 
 import smpl
 from smpl.controllers import LQR, Constant, SafetyFilter
+from smpl.learning.agents import Agent
+from smpl.learning.plan import Plan, Task
+from smpl.learning.reports import table
+from smpl.learning.scores import score
 
 LEVEL = """model Level "a tank that integrates its inflow"
 time t : h
@@ -50,6 +54,21 @@ def test_interventions_and_their_size_are_counted(env):
     # The range is 2: changes of 0.1 once and of 0.3 in 28 steps.
     assert found["mean_change"] == pytest.approx((0.05 + 28 * 0.15) / 30, abs=2e-3)
     assert found["unresolved_rate"] == 0
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_evaluation_reports_the_interventions_of_the_filter(workers):
+    task = Task.of(smpl.compile(source=LEVEL.format(limit=CONSTRAINT)))
+    agents = {"plain": Constant([0.3, 0.0]), "filtered": SafetyFilter(Constant([0.3, 0.0]), horizon=3)}
+    scores = [score(Plan.of(task, Agent(name, one), 10), workers, kept=0) for name, one in agents.items()]
+    assert "safety_filter" not in scores[0].report()
+    found = scores[1].report()["safety_filter"]
+    # As above, in each of ten episodes.
+    assert found["intervention_rate"] == pytest.approx(29 / 30) and found["unresolved_rate"] == 0
+    assert found["mean_change"] == pytest.approx((0.05 + 28 * 0.15) / 30, abs=2e-3)
+    head, plain, filtered = table({"controllers": {one.name: one.report() for one in scores}})
+    place = head.index("filter acts")
+    assert (plain[place], filtered[place]) == ("", "97 %")
 
 
 def test_a_policy_without_danger_is_left_alone(env):

@@ -98,15 +98,14 @@ class SafetyFilter(TakesWrapped):
         self._policy.reset(env, seed)
         self.plan = None
 
+    @property
+    def counts(self) -> FloatArray:
+        """Decisions, interventions, unresolved decisions, and the sum of the changes."""
+        return np.array([self.decisions, self.interventions, self.unresolved, self.change], dtype=np.float64)
+
     def statistics(self) -> dict[str, float]:
         """Share of changed actions, mean changes, and share of decisions without a safe plan."""
-        count = max(self.decisions, 1)
-        return {
-            "intervention_rate": self.interventions / count,
-            "mean_change": self.change / count,
-            "mean_change_of_interventions": self.change / max(self.interventions, 1),
-            "unresolved_rate": self.unresolved / count,
-        }
+        return rates(self.counts)
 
     def action(self, env: Env) -> FloatArray:
         """The action of the policy, or the nearest one that is safe."""
@@ -210,6 +209,17 @@ class SafetyFilter(TakesWrapped):
             else:
                 low = float(shares[-1])
         return plan
+
+
+def rates(counts: FloatArray) -> dict[str, float]:
+    """Statistics of the counts of a filter, see `SafetyFilter.counts`."""
+    decisions, interventions, unresolved, change = (float(one) for one in counts)
+    return {
+        "intervention_rate": interventions / max(decisions, 1),
+        "mean_change": change / max(decisions, 1),
+        "mean_change_of_interventions": change / max(interventions, 1),
+        "unresolved_rate": unresolved / max(decisions, 1),
+    }
 
 
 def _distance(actions: FloatArray, near: FloatArray, width: FloatArray) -> FloatArray:

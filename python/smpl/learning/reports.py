@@ -26,14 +26,15 @@ _COLUMNS = (
     ("cost", "cost_mean", None),
     ("settled", "settled", None),
     ("settling", "settling_time", None),
+    ("filter acts", "safety_filter", None),
     ("decision", "latency_ms", None),
 )
 _LEGEND = (
     "per step: mean ± population standard deviation over all steps of all episodes; per episode: over the episodes' "
     "mean rewards; return: mean of the sums with its 95 % bootstrap interval; interquartile: mean of the middle half "
     "of the returns with its interval; cost: mean over episodes of the summed violations; settled: episodes that end "
-    "within 2 % of each state's range of the steady state; settling: median time until then; decision: median, of a "
-    "batch the share of one environment."
+    "within 2 % of each state's range of the steady state; settling: median time until then; filter acts: share "
+    "of actions that a safety filter changes; decision: median, of a batch the share of one environment."
 )
 
 
@@ -204,9 +205,11 @@ def _findings(report: Mapping[str, Any]) -> list[str]:
 def _cells(values: Mapping[str, Any]) -> list[str]:
     cells = []
     for _, key, other in _COLUMNS:
-        value, more = values[key], None if other is None else values[other]
+        value, more = values.get(key), None if other is None else values[other]
         if value is None:
             cell = ""
+        elif key == "safety_filter":
+            cell = f"{100 * value['intervention_rate']:.0f} %"
         elif key == "latency_ms":
             cell = look.quantity(1e-3 * value, "s", 3)
         else:

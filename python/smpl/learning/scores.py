@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from smpl._native import SimulationError
+from smpl.controllers.safety import SafetyFilter, rates
 from smpl.episodes import Episode
 from smpl.learning.cluster import spread_on_ray
 from smpl.learning.plan import Plan
@@ -75,12 +76,14 @@ class Score:
         summaries: in the order of the plan.
         kept: the first episodes, whole.
         latencies: seconds of decisions, the first of them.
+        filtered: counts of a safety filter, see `SafetyFilter.counts`; None for another controller.
     """
 
     name: str
     summaries: list[Summary] = field(default_factory=list)
     kept: list[Episode] = field(default_factory=list)
     latencies: list[float] = field(default_factory=list)
+    filtered: FloatArray | None = None
 
     @property
     def returns(self) -> FloatArray:
@@ -132,6 +135,7 @@ class Score:
             "settling_time": float(np.median(settled)) if settled else None,
             "latency_ms": float(np.median(times)) if len(times) else None,
             "latency_p99_ms": float(np.quantile(times, 0.99)) if len(times) else None,
+            **({} if self.filtered is None else {"safety_filter": rates(self.filtered)}),
         }
 
 
@@ -217,6 +221,8 @@ def _gather(found: Score, pieces: Iterable[Score], stepped: Callable[[int], None
         found.summaries += piece.summaries
         found.kept += piece.kept[: max(0, kept - len(found.kept))]
         found.latencies += piece.latencies[: max(0, DECISIONS - len(found.latencies))]
+        if piece.filtered is not None:
+            found.filtered = piece.filtered + (0.0 if found.filtered is None else found.filtered)
         if stepped is not None:
             stepped(len(piece.summaries))
 
@@ -228,10 +234,14 @@ def _piece(
     found = Score(plan.agents[0].name)
     whole: list[tuple[int, Episode]] = []
     settings = Settings(target is not None, (), threads, found.latencies)
+    chooser = plan.agents[0].chooser
+    before = chooser.counts if isinstance(chooser, SafetyFilter) else None
     for job, one in run(plan, plan.jobs(first, last), settings):
         found.summaries.append(summary(plan, job, one, target))
         if job.index < kept:
             whole.append((job.index, one))
+    if before is not None:
+        found.filtered = chooser.counts - before
     found.summaries.sort(key=lambda one: one.index)
     found.kept = [one for _, one in sorted(whole, key=lambda pair: pair[0])]
     return found
