@@ -165,10 +165,12 @@ def rollout(
         "threads": threads,
     }
 
+    given = actions if callable(actions) else _tensor(torch, "actions", actions)
+
     def section(state: Tensor, first: int, last: int) -> tuple[Tensor, ...]:
         parts: list[tuple[Tensor, ...]] = []
         for t in range(first, last):
-            u = actions(state, t) if callable(actions) else actions[..., t, :]
+            u = given(state, t) if callable(given) else given[..., t, :]
             found = step(model, state, u, p, first_step=first_step + t, **options)
             parts.append((found.states, u, found.rewards[..., columns], found.observations))
             state = found.states

@@ -67,7 +67,8 @@ def release(recipe: Recipe, out: str | os.PathLike[str], workers: int | None = N
     Raises:
         ImportError: pyarrow, Minari or h5py is missing.
     """
-    folder = Path(out)
+    # Minari resolves a relative folder twice.
+    folder = Path(out).resolve()
     episodes = folder / "episodes"
     dataset = collect(
         f"smpl/{recipe.env}-v0", list(recipe.controllers), recipe.episodes, episodes, seed=SEED, noise=recipe.noise,
