@@ -80,11 +80,11 @@ exporters! {
     /// C99 without dependencies: a source and its header.
     C: "c", ["c", "h"], |model, nominal, origin, _| c::print(model, nominal, origin), false;
     /// C99 of many instances at once with an integrator, which NVRTC compiles for a GPU.
-    Kernel: "kernel", ["c"], |model, nominal, origin, settings| Ok(vec![fmu::kernel(model, nominal, origin, settings)?]), false;
+    Kernel: "kernel", ["c"], |model, nominal, origin, settings| Ok(vec![fmu::kernel(model, nominal, origin, settings)?]), true;
     /// The checked model as a tree, with a schema.
     Json: "json", ["json"], |model, nominal, origin, _| Ok(vec![json::print(model, nominal, origin)?]), true;
     /// An archive for simulators, see [`package`].
-    Fmu: "fmu", ["fmu"], |_, _, _, _| Err(ExportError::Archive), false;
+    Fmu: "fmu", ["fmu"], |_, _, _, _| Err(ExportError::Archive), true;
 }
 
 impl Target {
@@ -139,7 +139,6 @@ pub fn export(
 /// # Errors
 /// See [`ExportError`].
 pub fn package(model: &CompiledModel, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
-    refuse_delays(model, Target::Fmu)?;
     fmu::package(model.model(), nominal, origin, settings)
 }
 

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use smpl_dsl::span::Span;
 
-use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, MAX_DEPTH, Program, Role, VarId};
+use crate::ir::{Affine, BinaryFn, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, Program, Role, VarId};
 use cranelift_entity::PrimaryMap;
 
 mod interface;
@@ -75,6 +75,19 @@ impl Model {
     #[must_use]
     pub fn delayed(&self) -> usize {
         self.delays.iter().map(|delay| delay.count as usize).sum()
+    }
+
+    /// Returns `true` if what is delayed reads delayed values, algebraic unknowns or rates: then it
+    /// jumps where these do.
+    #[must_use]
+    pub fn delays_follow(&self) -> bool {
+        let values = self.programs.delayed.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.value);
+        self.exprs.below(values).any(|e| match self.exprs.node(e) {
+            Expr::Load { var, flavour, .. } => {
+                flavour == Flavour::Derivative || matches!(self.vars[var].role, Role::Delayed | Role::Algebraic)
+            }
+            _ => false,
+        })
     }
 
     /// True if a node is a delayed value, `v + s*((t - theta) - a)`.

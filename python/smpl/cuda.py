@@ -87,6 +87,8 @@ class Batch:
         model: a compiled model; variants and settings are those that it was compiled with.
         count: number of instances.
         device: `cuda`, or `cpu` for the same text compiled as C.
+        history: most internal steps that each instance keeps for dead times, `delay(...)`; 500 if
+            left out. An instance that needs more has `status` 2.
 
     Attributes:
         nominal: nominal actions (count, actions), in the units of the model.
@@ -95,17 +97,17 @@ class Batch:
             has ended it, 2 if its equations could not be solved.
 
     Raises:
-        ValueError: a model that a kernel cannot carry (delays; derivatives of algebraic variables).
+        ValueError: a model that a kernel cannot carry (derivatives of algebraic variables).
         ImportError: no `cupy` for `cuda`.
         RuntimeError: no C compiler for `cpu`, or one that refuses the text.
     """
 
-    def __init__(self, model: Model, count: int, *, device: str = "cuda") -> None:
+    def __init__(self, model: Model, count: int, *, device: str = "cuda", history: int | None = None) -> None:
         if device not in ("cuda", "cpu"):
             raise ValueError(f"device must be `cuda` or `cpu`, not {device!r}")
         if count < 1:
             raise ValueError(f"count must be positive, not {count}")
-        source = _text(model, "kernel")["c"]
+        source = _text(model, "kernel", history=history)["c"]
         self._device: _Gpu | _Processor = _Gpu(source) if device == "cuda" else _Processor(source)
         self.count = count
         xp = self._device.arrays

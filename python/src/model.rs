@@ -2,6 +2,7 @@
 
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
+use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArrayDyn};
@@ -272,16 +273,23 @@ impl Model {
     }
 
     /// The files of an export as (ending, text), the main one first.
-    #[pyo3(signature = (target, stem=None))]
-    fn export(&self, py: Python<'_>, target: &str, stem: Option<&str>) -> PyResult<Vec<(&'static str, String)>> {
+    #[pyo3(signature = (target, stem=None, history=None))]
+    fn export(
+        &self,
+        py: Python<'_>,
+        target: &str,
+        stem: Option<&str>,
+        history: Option<NonZeroU32>,
+    ) -> PyResult<Vec<(&'static str, String)>> {
         let target: Target = target.parse().map_err(|e: ExportError| PyValueError::new_err(e.to_string()))?;
-        let files = released(py, || export(&self.loaded, target, stem))?.map_err(export_error)?;
+        let files = released(py, || export(&self.loaded, target, stem, history))?.map_err(export_error)?;
         Ok(files.into_iter().map(|file| (file.ending, file.text)).collect())
     }
 
     /// The bytes of an FMU, and why it has no binary if it has none.
-    fn fmu<'py>(&self, py: Python<'py>, binary: bool) -> PyResult<(Bound<'py, PyBytes>, Option<String>)> {
-        let fmu = released(py, || export_fmu(&self.loaded, binary))?.map_err(export_error)?;
+    #[pyo3(signature = (binary, history=None))]
+    fn fmu<'py>(&self, py: Python<'py>, binary: bool, history: Option<NonZeroU32>) -> PyResult<(Bound<'py, PyBytes>, Option<String>)> {
+        let fmu = released(py, || export_fmu(&self.loaded, binary, history))?.map_err(export_error)?;
         Ok((PyBytes::new(py, &fmu.bytes), fmu.without_binary))
     }
 

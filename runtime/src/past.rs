@@ -12,7 +12,7 @@ mod record;
 
 use serde::{Deserialize, Serialize};
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot, Expr, Flavour, Program, Role};
+use smpl_compiler::ir::{DELAY_SLOTS, DelaySlot};
 use smpl_compiler::layout::{Memory, Region};
 use smpl_compiler::model::Lag;
 
@@ -159,7 +159,7 @@ impl Past {
             changes: each().map(|delay| delay.lag).collect(),
             most: each().map(|delay| delay.bounds.1).collect(),
             given: each().map(|delay| delay.before).collect(),
-            directly: reads_directly(model),
+            directly: model.model().delays_follow(),
             varies: delays.iter().any(|delay| delay.lag == Lag::Varying),
             held: delays.iter().any(|delay| delay.lag == Lag::Held),
             distinct: Vec::with_capacity(width),
@@ -565,21 +565,4 @@ pub(crate) fn name_of(model: &CompiledModel, element: usize) -> String {
         Some((*end, &delay.name))
     });
     ends.find(|&(end, _)| element < end).map_or_else(String::new, |(_, name)| name.clone())
-}
-
-/// Returns `true` if what is delayed reads delayed values, algebraic unknowns or rates: then it
-/// jumps where these do.
-fn reads_directly(model: &CompiledModel) -> bool {
-    let model = model.model();
-    let program: &Program = &model.programs.delayed;
-    let mut open: Vec<_> = program.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.value).collect();
-    while let Some(e) = open.pop() {
-        if let Expr::Load { var, flavour, .. } = model.exprs.node(e)
-            && (flavour == Flavour::Derivative || matches!(model.vars[var].role, Role::Delayed | Role::Algebraic))
-        {
-            return true;
-        }
-        open.extend(model.exprs.operands(e));
-    }
-    false
 }

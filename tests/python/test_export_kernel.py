@@ -86,7 +86,7 @@ def test_instances_have_states_parameters_and_ends_of_their_own(tmp_path):
     assert batch.unknowns[:, 0] == pytest.approx([np.exp(-1), 2 * np.exp(-1), 1.0], rel=1e-6)
 
 
-def test_bad_arguments_are_refused_by_name(tmp_path):
+def test_bad_arguments_are_refused_by_name():
     model = smpl.compile("reactor")
     with pytest.raises(ValueError, match="device must be `cuda` or `cpu`"):
         smpl.cuda.Batch(model, 2, device="tpu")
@@ -97,13 +97,8 @@ def test_bad_arguments_are_refused_by_name(tmp_path):
         batch.reset(states={"y": 1.0})
     with pytest.raises(ValueError, match=r"actions must have the shape \(2, 2\)"):
         batch.step([[0.0, 0.0]])
-    path = tmp_path / "late.eq"
-    path.write_text(
-        "model Late\ntime t : s\nstate x = 1 in -9..9\naction u = 0 in -1..1\neq d/dt x = (u - delay(x, 1 [s]))/1 [s]\n"
-        "observe x\nreward r = x\nepisode { step = 1 [s], max_steps = 5 }\n"
-    )
-    with pytest.raises(ValueError, match="delay"):
-        smpl.cuda.Batch(smpl.compile(path), 2, device="cpu")
+    with pytest.raises(ValueError, match="history must be positive, not 0"):
+        smpl.cuda.Batch(model, 2, device="cpu", history=0)
 
 
 def test_a_gpu_without_cupy_is_refused_by_name(monkeypatch):
@@ -121,10 +116,22 @@ def nvrtc():
     return ctypes.CDLL(str(next(folder.glob("libnvrtc.so.*"))))
 
 
-@pytest.mark.parametrize("name", ["reactor", "beer", "gallery/boiler_drum"])
+LATE = """
+model Late
+time t : s
+state x = 1 in -9..9
+action u = 0 in -1..1
+eq d/dt x = (u - delay(x, min(max(1 [s] + 0.1*t, 0.5 [s]), 2 [s]), before = sin(t / 1 [s]))) / 1 [s]
+observe x
+episode { step = 1 [s], max_steps = 5 }
+"""
+
+
+@pytest.mark.parametrize("name", ["reactor", "beer", "gallery/boiler_drum", "a dead time"])
 def test_nvrtc_compiles_the_text(name):
     library = nvrtc()
-    source = smpl.export.text(smpl.compile(str(MODELS / f"{name}.eq")), "kernel")["c"]
+    model = smpl.compile(source=LATE) if name == "a dead time" else smpl.compile(str(MODELS / f"{name}.eq"))
+    source = smpl.export.text(model, "kernel")["c"]
     program = ctypes.c_void_p()
     assert library.nvrtcCreateProgram(ctypes.byref(program), source.encode(), b"kernel.cu", 0, None, None) == 0
     options = [b"--gpu-architecture=compute_75", b"--device-as-default-execution-space", b"--fmad=false"]

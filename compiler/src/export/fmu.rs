@@ -13,6 +13,8 @@ mod terminals;
 mod units;
 mod variables;
 
+use std::num::NonZeroU32;
+
 use super::c;
 use super::sheet::{Function, Nest, Sheet, Store};
 use super::{ExportError, Nominal, Origin, functions};
@@ -37,6 +39,8 @@ pub struct Settings {
     pub episode: u32,
     /// Algebraic variables enter the error test.
     pub algebraic_errors: bool,
+    /// Most steps that the past of delayed expressions holds; `None` for the default of the target.
+    pub history: Option<NonZeroU32>,
 }
 
 /// The files of an FMU.
@@ -47,18 +51,27 @@ pub struct Package {
     pub files: Vec<(String, String)>,
 }
 
+/// Default of [`Settings::history`] for an FMU, and for an instance of a kernel.
+const HISTORY: [u32; 2] = [10_000, 500];
+
 /// The files of C that are the same for every model.
-const SOURCES: [(&str, &str); 9] = [
+const SOURCES: [(&str, &str); 12] = [
+    ("breaks.c", include_str!("fmu/sources/breaks.c")),
     ("core.c", include_str!("fmu/sources/core.c")),
     ("core.h", include_str!("fmu/sources/core.h")),
     ("fmi3.c", include_str!("fmu/sources/fmi3.c")),
     ("fmi3.h", include_str!("fmu/sources/fmi3.h")),
     ("linear.c", include_str!("fmu/sources/linear.c")),
     ("linear.h", include_str!("fmu/sources/linear.h")),
+    ("past.c", include_str!("fmu/sources/past.c")),
+    ("past.h", include_str!("fmu/sources/past.h")),
     ("solver.c", include_str!("fmu/sources/solver.c")),
     ("types.h", include_str!("fmu/sources/types.h")),
     ("variables.c", include_str!("fmu/sources/variables.c")),
 ];
+
+/// Files that models without delays do not need.
+const PAST: [&str; 3] = ["past.h", "past.c", "breaks.c"];
 
 pub(super) use kernel::print as kernel;
 
@@ -76,6 +89,8 @@ struct Parts<'a> {
     steady: &'a [String],
     /// Time occurs in the equations.
     timed: bool,
+    /// Most steps that the past of delayed expressions holds.
+    history: u32,
 }
 
 pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>, settings: &Settings) -> Result<Package, ExportError> {
@@ -99,9 +114,10 @@ pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>,
         room: order::most_entries(&text.pattern, &order),
         steady: &steady,
         timed,
+        history: settings.history.map_or(HISTORY[0], NonZeroU32::get),
     };
     let [header, source] = tables::print(&parts);
-    let mut sources: Vec<(String, String)> = SOURCES.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect();
+    let mut sources: Vec<(String, String)> = shared(&sheet).map(|(name, text)| (name.to_owned(), text.to_owned())).collect();
     sources.extend([("model.c", text.source), ("model.h", text.header), ("tables.c", source)].map(|(name, text)| (name.to_owned(), text)));
     sources.push(("tables.h".into(), header));
     sources.sort();
@@ -114,6 +130,11 @@ pub(super) fn package(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>,
     files.push(("sources/buildDescription.xml".into(), description::build(&parts, &sources)));
     files.extend(sources.into_iter().map(|(name, text)| (format!("sources/{name}"), text)));
     Ok(Package { identifier, files })
+}
+
+/// Files of C that a model needs.
+fn shared(sheet: &Sheet) -> impl Iterator<Item = (&'static str, &'static str)> {
+    SOURCES.into_iter().filter(|(name, _)| !PAST.contains(name) || !sheet.model.delays.is_empty())
 }
 
 /// Stands for the token until it is known.

@@ -79,8 +79,7 @@ fn within(nest: &Nest, range: std::ops::Range<u32>) -> Option<Nest> {
     (!nest.stores.is_empty()).then_some(nest)
 }
 
-/// Outputs, root functions, integrands, invariants, boxes, policies, conditions on the steady
-/// state.
+/// Outputs, root functions, integrands, invariants, boxes, delayed expressions, policies.
 fn values(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
     let model = &sheet.model;
     let (i, p) = (&model.interface, &model.programs);
@@ -115,6 +114,14 @@ fn values(sheet: &mut Sheet) -> Result<Vec<Function>, ExportError> {
         function("invariants", "value and rate of each invariant", nests(sheet, &p.invariants)?, invariants),
         function("boxes", "what the boxes of failures hold", nests(sheet, &p.boxes)?, boxed.collect()),
     ];
+    let delayed = || model.delays.iter().flat_map(|delay| std::iter::repeat_n(delay.name.clone(), delay.count as usize));
+    for (name, text, program) in [
+        ("delayed", "present values of what is delayed", &p.delayed),
+        ("lags", "dead times", &p.lags),
+        ("before", "values before the start, where they are given", &p.before),
+    ] {
+        list.push(function(name, text, nests(sheet, program)?, delayed().map(plain).collect()));
+    }
     for (name, program) in &p.policies {
         let text = format!("actions of the policy {name}");
         list.push(function(&format!("policy_{name}"), &text, nests(sheet, program)?, labels(&i.quantities.actions)));

@@ -77,7 +77,7 @@ pub(super) struct Function {
 /// Functions that an integrator calls: what they need in addition to states, actions and parameters
 /// becomes a part of `p`.
 pub(super) fn is_dynamic(name: &str) -> bool {
-    matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian")
+    matches!(name, "residual" | "rates" | "algebraic" | "outputs" | "events" | "integrals" | "jacobian" | "delayed" | "lags" | "before")
 }
 
 /// Source of a load.

@@ -6,6 +6,7 @@
 mod archive;
 mod fmu;
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use smpl_compiler::export::{self as targets, ExportError, File, Nominal, Origin, Settings, Target};
@@ -29,28 +30,31 @@ pub enum ExportFault {
     Setup(#[from] SetupError),
 }
 
-/// The files of a model in the form of a target, the main one first; `stem` is the name of its file
-/// without the ending.
+/// The files of a model in the form of a target, the main one first.
+///
+/// `stem` is the name of the main file without the ending, and `history` the most steps that the
+/// past of delayed expressions holds.
 ///
 /// # Errors
 /// See [`ExportFault`].
-pub fn export(loaded: &Loaded, target: Target, stem: Option<&str>) -> Result<Vec<File>, ExportFault> {
+pub fn export(loaded: &Loaded, target: Target, stem: Option<&str>, history: Option<NonZeroU32>) -> Result<Vec<File>, ExportFault> {
     let setup = setup(loaded)?;
     at_nominal(loaded, &setup, |nominal| {
         let origin = Origin { made_for: &loaded.made_for(), circumstances: &loaded.circumstances, stem };
-        targets::export(&loaded.model, nominal, &origin, &settings(&setup), target)
+        targets::export(&loaded.model, nominal, &origin, &settings(&setup, history), target)
     })
 }
 
-/// An FMU of a model; `compile` is whether it shall have a binary for this machine.
+/// An FMU of a model; `compile` is whether it shall have a binary for this machine, and `history`
+/// the most steps that the past of delayed expressions holds.
 ///
 /// # Errors
 /// See [`ExportFault`].
-pub fn export_fmu(loaded: &Loaded, compile: bool) -> Result<Fmu, ExportFault> {
+pub fn export_fmu(loaded: &Loaded, compile: bool, history: Option<NonZeroU32>) -> Result<Fmu, ExportFault> {
     let setup = setup(loaded)?;
     let package = at_nominal(loaded, &setup, |nominal| {
         let origin = Origin { made_for: &loaded.made_for(), circumstances: &loaded.circumstances, stem: None };
-        targets::package(&loaded.model, nominal, &origin, &settings(&setup))
+        targets::package(&loaded.model, nominal, &origin, &settings(&setup, history))
     })?;
     Ok(fmu::pack(package, compile))
 }
@@ -84,7 +88,7 @@ fn at_nominal<T>(
 }
 
 /// Simulation settings of the environment.
-fn settings(setup: &Setup) -> Settings {
+fn settings(setup: &Setup, history: Option<NonZeroU32>) -> Settings {
     let (options, declared) = (&setup.options, &setup.model().interface().solver);
     Settings {
         rtol: setup.settings.rtol,
@@ -94,5 +98,6 @@ fn settings(setup: &Setup) -> Settings {
         max_events: setup.max_events,
         episode: setup.max_steps(),
         algebraic_errors: setup.settings.algebraic_error_control,
+        history,
     }
 }

@@ -38,7 +38,7 @@ struct Lengths {
 impl Program {
     fn new(loaded: &Loaded, effort: &str) -> Program {
         let folder = tempfile::tempdir().expect("a folder");
-        let files = export(loaded, Target::C, Some("exported")).expect("an export");
+        let files = export(loaded, Target::C, Some("exported"), None).expect("an export");
         for file in &files {
             std::fs::write(folder.path().join(format!("exported.{}", file.ending)), &file.text).expect("written");
         }
@@ -508,7 +508,7 @@ fn context_has_its_units() {
         episode { step = 1 [min], max_steps = 3, error_reward = -1 }";
     std::fs::write(&path, text).expect("written");
     let loaded = load(&path, &LoadOptions::default()).expect("a model");
-    let module = export(&loaded, Target::Casadi, None).expect("an export").remove(0).text;
+    let module = export(&loaded, Target::Casadi, None, None).expect("an export").remove(0).text;
     let table = module.split("CONTEXT = [").nth(1).and_then(|rest| rest.split("\n]").next()).expect("a table");
     let units: Vec<(&str, &str)> = table
         .lines()
@@ -536,7 +536,7 @@ fn the_same_model_gives_the_same_text() {
     let loaded = load(&models().join("pensim.eq"), &LoadOptions::default()).expect("a model");
     // An FMU is not a text: fmus.rs tests it.
     for (_, target) in Target::ALL.iter().copied().filter(|(_, target)| *target != Target::Fmu) {
-        let texts = || export(&loaded, target, None).expect("an export").into_iter().map(|file| file.text).collect::<Vec<_>>();
+        let texts = || export(&loaded, target, None, None).expect("an export").into_iter().map(|file| file.text).collect::<Vec<_>>();
         assert_eq!(texts(), texts(), "{}", target.name());
     }
 }

@@ -12,7 +12,7 @@ fn models() -> PathBuf {
 
 fn made(path: &Path) -> Result<Fmu, String> {
     let loaded = load(path, &LoadOptions::default()).expect("a model");
-    export_fmu(&loaded, false).map_err(|fault| fault.to_string())
+    export_fmu(&loaded, false, None).map_err(|fault| fault.to_string())
 }
 
 /// The files of an archive, by the local headers.

@@ -17,7 +17,7 @@ fn root() -> PathBuf {
 
 fn text_of(file: &str) -> String {
     let loaded = load(&root().join(file), &LoadOptions::default()).expect("compiles");
-    export(&loaded, Target::Json, None).expect("is written").remove(0).text
+    export(&loaded, Target::Json, None, None).expect("is written").remove(0).text
 }
 
 #[test]
@@ -58,7 +58,7 @@ fn models_that_are_read_are_written_as_the_same_bytes() {
     assert!(texts.len() > 40);
     let json = |path: &Path| {
         let loaded = load(path, &LoadOptions::default()).expect("compiles");
-        export(&loaded, Target::Json, None).expect("is written").remove(0).text
+        export(&loaded, Target::Json, None, None).expect("is written").remove(0).text
     };
     for path in texts {
         let first = json(&path);

@@ -40,7 +40,10 @@ pub(super) fn model(parts: &Parts<'_>, origin: &Origin<'_>, token: &str) -> Stri
     let common = format!(
         "modelIdentifier=\"{identifier}\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" providesDirectionalDerivatives=\"true\""
     );
-    let _ = writeln!(xml, "  <ModelExchange {common} needsCompletedIntegratorStep=\"true\"/>");
+    // The past of delayed expressions is that of the unit's own integrator.
+    if parts.sheet.model.delays.is_empty() {
+        let _ = writeln!(xml, "  <ModelExchange {common} needsCompletedIntegratorStep=\"true\"/>");
+    }
     let _ = writeln!(xml, "  <CoSimulation {common} canHandleVariableCommunicationStepSize=\"true\"/>");
     xml += &unit_definitions(parts);
     xml += "  <LogCategories>\n    <Category name=\"logEvents\" description=\"events and failures of the model\"/>\n    <Category name=\"logStatusError\" description=\"what went wrong\"/>\n  </LogCategories>\n";

@@ -1,6 +1,8 @@
 //! The sources of an FMU in one text, for many instances at once: C99, or CUDA for NVRTC.
 
-use super::{Parts, SOURCES, Settings, order, partials, readers_of_steady, tables, variables};
+use std::num::NonZeroU32;
+
+use super::{HISTORY, PAST, Parts, Settings, order, partials, readers_of_steady, tables, variables};
 use crate::export::{ExportError, Nominal, Origin, c, functions};
 use crate::model::Model;
 
@@ -46,11 +48,14 @@ pub(in crate::export) fn print(
         room: order::most_entries(&text.pattern, &order),
         steady: &steady,
         timed,
+        history: settings.history.map_or(HISTORY[1], NonZeroU32::get),
     };
     let [header, tables] = tables::print(&parts);
-    let shared = |name: &str| SOURCES.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| *text);
+    let shared = |name: &str| super::shared(&sheet).find(|(known, _)| *known == name).map_or("", |(_, text)| text);
     let [types, linear, core, linear_source, core_source, solver] = SHARED.map(shared);
-    let pieces = [&text.header, types, &header, linear, core, &text.source, &tables, linear_source, core_source, solver, BATCH];
+    let [past, ring, breaks] = PAST.map(shared);
+    let pieces =
+        [&text.header, types, &header, linear, core, &text.source, &tables, linear_source, core_source, past, ring, breaks, solver, BATCH];
     let lines = pieces.iter().flat_map(|piece| piece.lines());
     // Definitions come before their uses, and CUDA has no declarations of tables.
     let kept = lines.filter(|line| !line.starts_with("#include") && !line.starts_with("extern const"));

@@ -6,13 +6,16 @@ use super::variables::{FmuRole, Source, Variable};
 use super::{Parts, TOKEN};
 use crate::export::c::{number, quoted, wrapped};
 use crate::export::sheet::Array;
-use crate::ir::{Builtin, Flavour, Role, VarId};
+use crate::ir::{Builtin, DELAY_SLOTS, Flavour, Role, VarId};
 use crate::layout::Layout;
-use crate::model::RootAction;
+use crate::model::{Lag, RootAction};
 
 /// Functions that a model may lack.
-const OPTIONAL: [&str; 10] =
-    ["outputs", "observations", "events", "failures", "parameters", "disturb", "start", "end", "partials", "next_break"];
+const OPTIONAL: [&str; 11] =
+    ["outputs", "observations", "events", "failures", "parameters", "disturb", "start", "end", "partials", "next_break", "before"];
+
+/// Numbers of a delayed element that equations read: value, rate, time.
+const PLACED: usize = 3;
 
 /// Header and source.
 pub(super) fn print(parts: &Parts<'_>) -> [String; 2] {
@@ -70,6 +73,30 @@ impl Tables<'_> {
         text.numbers("int", "smpl_partial_columns", &strings(&parts.partials.columns));
         self.write_context(text);
         self.write_events(text);
+        if !sheet.model.delays.is_empty() {
+            self.write_delays(text);
+        }
+    }
+
+    /// Delayed expressions, and the elements of `p` and `c` that hold the earlier values.
+    fn write_delays(&self, text: &mut Text) {
+        let sheet = self.parts.sheet;
+        let (mut entries, mut owners) = (vec![], vec![]);
+        for (call, delay) in sheet.model.delays.iter().enumerate() {
+            let (varies, most) = (u8::from(delay.lag == Lag::Varying), number(delay.bounds.1));
+            entries.push(format!("{{\"{}\", {varies}, {}, {most}}}", quoted(&delay.name), u8::from(delay.before)));
+            owners.extend(std::iter::repeat_n(call.to_string(), delay.count as usize));
+        }
+        text.table(("smpl_delay", "smpl_delay_table", "SMPL_DELAY_CALLS"), &entries);
+        text.numbers("int", "smpl_delay_of", &owners);
+        let mut slots = vec!["{0, -1}".to_owned(); PLACED * owners.len()];
+        for ((var, _, element), (array, at)) in sheet.extras() {
+            let (owner, slot) = ((element / DELAY_SLOTS) as usize, (element % DELAY_SLOTS) as usize);
+            if sheet.model.vars[var].role == Role::Delayed && slot < PLACED {
+                slots[PLACED * owner + slot] = format!("{{{}, {at}}}", u8::from(array == Array::P));
+            }
+        }
+        text.table(("smpl_slot", "smpl_slots", "SMPL_SLOTS"), &slots);
     }
 
     fn write_variables(&self, text: &mut Text) {
@@ -181,6 +208,10 @@ impl Tables<'_> {
             ("PARTIALS", parts.partials.rows.len().to_string()),
             ("PARTIAL_ROWS", parts.partials.height.to_string()),
             ("PARTIAL_COLUMNS", parts.partials.width.to_string()),
+            ("DELAYS", sheet.model.delayed().to_string()),
+            ("DELAYS_VARY", flag(sheet.model.delays.iter().any(|delay| delay.lag == Lag::Varying))),
+            ("DELAYS_FOLLOW", flag(sheet.model.delays_follow())),
+            ("HISTORY", parts.history.to_string()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into();

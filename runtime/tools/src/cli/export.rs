@@ -1,5 +1,6 @@
 //! `smpl export`
 
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -29,6 +30,10 @@ pub(super) struct ExportArguments {
     /// Output file; further files of the form are next to it (default: standard output)
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
+    /// Most internal steps within the dead times of `delay(...)`, in an FMU (default: 10000) or
+    /// kernel (default: 500)
+    #[arg(long, value_name = "N")]
+    history: Option<NonZeroU32>,
 }
 
 fn target(name: &str) -> Result<Target, String> {
@@ -46,16 +51,16 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), Failed> {
     let loaded = arguments.model.load(&arguments.file)?;
     outputs::check(&given(), outputs::names(&loaded.sources).chain([arguments.file.clone()]))?;
     if let (Target::Fmu, Some(main)) = (arguments.to, &arguments.output) {
-        return write_fmu(&loaded, main);
+        return write_fmu(&loaded, main, arguments.history);
     }
     let stem = arguments.output.as_ref().and_then(|path| path.file_stem()?.to_str());
-    let files = export(&loaded, arguments.to, stem).map_err(|error| Failed::Message(error.to_string()))?;
+    let files = export(&loaded, arguments.to, stem, arguments.history).map_err(|error| Failed::Message(error.to_string()))?;
     write(&files, &paths)
 }
 
 /// Writes an archive; says so where it has no binary.
-fn write_fmu(loaded: &load::Loaded, main: &Path) -> Result<(), Failed> {
-    let fmu = export_fmu(loaded, true).map_err(|error| Failed::Message(error.to_string()))?;
+fn write_fmu(loaded: &load::Loaded, main: &Path, history: Option<NonZeroU32>) -> Result<(), Failed> {
+    let fmu = export_fmu(loaded, true, history).map_err(|error| Failed::Message(error.to_string()))?;
     write_whole(main, |out| out.write_all(&fmu.bytes))?;
     let binary = fmu.without_binary.map_or_else(String::new, |why| format!("; it holds sources only and no binary: {why}"));
     outputs::conclude(&format!("written to {}{binary}\n", main.display()), &[Some(main)])

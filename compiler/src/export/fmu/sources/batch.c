@@ -41,6 +41,7 @@ static void observe(smpl_instance *s, double *observations, double *rewards)
 {
     const double clock = smpl_clock(s, s->now.time);
     (void)clock, (void)observations, (void)rewards;
+    smpl_look_back(s, clock, s->y, s->yp, 0);
 #if SMPL_HAS_observations
     model_observations(clock, s->y, s->yp, s->u_used, s->p, s->c, observations);
 #endif

@@ -26,6 +26,20 @@ size_t smpl_place(smpl_instance *s, double *block)
     s->c = take(block, &used, MODEL_CONTEXT);
     s->holds = take(block, &used, SMPL_ROOTS);
     s->passed = take(block, &used, SMPL_ROOTS);
+#if SMPL_DELAYS
+    s->lags = take(block, &used, SMPL_DELAYS);
+    s->sizes = take(block, &used, SMPL_DELAYS);
+    s->marks = take(block, &used, 2 * (size_t)SMPL_HISTORY);
+    s->lags_now = take(block, &used, SMPL_DELAYS);
+    s->delayed = take(block, &used, SMPL_DELAYS);
+    s->seen = take(block, &used, SMPL_DELAYS);
+    s->near = take(block, &used, SMPL_DELAYS);
+    s->far = take(block, &used, SMPL_DELAYS);
+    s->samples = take(block, &used, 8 * (size_t)SMPL_DELAYS);
+    s->past_y = take(block, &used, N);
+    s->past_p = take(block, &used, N);
+    s->ring = take(block, &used, SMPL_HISTORY * SMPL_PIECE);
+#endif
     s->u_used = take(block, &used, MODEL_ACTIONS);
     s->w = take(block, &used, MODEL_WORK);
     s->outputs = take(block, &used, MODEL_OUTPUTS);
@@ -74,6 +88,15 @@ void smpl_reset(smpl_instance *s)
 void smpl_stale(smpl_instance *s)
 {
     s->now.prepared = s->now.consistent = 0;
+#if SMPL_DELAYS
+    s->now.begun = 0;
+#endif
+}
+
+void smpl_residual(smpl_instance *s, double clock, const double *y, const double *yp, double *out)
+{
+    smpl_look_back(s, clock, y, yp, 0);
+    model_residual(clock, y, yp, s->u_used, s->p, s->w, out);
 }
 
 double smpl_clock(const smpl_instance *s, double time)
@@ -132,6 +155,7 @@ static double size_of(const smpl_instance *s, const double *delta, const double 
 /* Factorises the derivatives by rates and algebraic variables. */
 int smpl_rate_matrix(smpl_instance *s, double clock, const double *y, const double *yp)
 {
+    smpl_look_back(s, clock, y, yp, 0);
     model_jacobian(clock, y, yp, 0.0, s->u_used, s->p, s->w, s->j0);
     model_jacobian(clock, y, yp, 1.0, s->u_used, s->p, s->w, s->j1);
     for (int j = 0; j < N; ++j) {
@@ -153,11 +177,11 @@ int smpl_consistent(smpl_instance *s, double clock, double *y, double *yp)
 {
     double size;
     if (!SMPL_IMPLICIT && N == MODEL_STATES) {
-        model_residual(clock, y, s->zero, s->u_used, s->p, s->w, yp);
+        smpl_residual(s, clock, y, s->zero, yp);
         return 1;
     }
     for (int i = MODEL_STATES; i < N; ++i) yp[i] = 0.0;
-    model_residual(clock, y, yp, s->u_used, s->p, s->w, s->f);
+    smpl_residual(s, clock, y, yp, s->f);
     for (int iteration = 0; iteration < 100; ++iteration) {
         const int singular = smpl_rate_matrix(s, clock, y, yp);
         double damping = 1.0, next = INFINITY;
@@ -173,7 +197,7 @@ int smpl_consistent(smpl_instance *s, double clock, double *y, double *yp)
             memcpy(s->trial_p, yp, sizeof(double) * N);
             for (int i = 0; i < MODEL_STATES; ++i) s->trial_p[i] -= damping * s->delta[i];
             for (int i = MODEL_STATES; i < N; ++i) s->trial[i] -= damping * s->delta[i];
-            model_residual(clock, s->trial, s->trial_p, s->u_used, s->p, s->w, s->f);
+            smpl_residual(s, clock, s->trial, s->trial_p, s->f);
             memcpy(s->end_p, s->f, sizeof(double) * N);
             smpl_lu_solve(&s->lu, s->end_p);
             next = size_of(s, s->end_p, y, yp);
@@ -227,7 +251,13 @@ int smpl_initialise(smpl_instance *s)
     smpl_stale(s);
     smpl_prepare(s);
     if (now->parameters_set) smpl_parameters(s);
+#if SMPL_DELAYS
+    now->recorded = 0;
+    memset(s->seen, 0, SMPL_DELAYS * sizeof(double));
+    ok = smpl_refresh(s) && smpl_past_start(s);
+#else
     ok = smpl_refresh(s);
+#endif
     keep(s, 0);
     keep(s, 1);
     s->u = inputs;
@@ -249,6 +279,7 @@ int smpl_sample_start(smpl_instance *s)
     set_builtin(s, 2, clock);
     now->prepared = 0;
     smpl_prepare(s);
+    smpl_look_back(s, clock, s->y, s->yp, 0);
 #if SMPL_HAS_disturb
     for (int i = 0; i < SMPL_MOVABLES; ++i) s->p2[i] = s->p[smpl_movables[i]];
     model_disturb(clock, s->y, s->u_used, s->p, s->c);
@@ -268,6 +299,7 @@ static void find_failures(smpl_instance *s, double clock)
 {
     (void)s, (void)clock;
 #if SMPL_HAS_failures
+    smpl_look_back(s, clock, s->y, s->yp, 0);
     model_failures(clock, s->y, s->yp, s->u_used, s->p, s->c, s->failures);
     for (int i = 0; i < SMPL_FAILURES; ++i) {
         if (s->failures[2 * i] == 1.0 && !s->now.goes_on && !s->now.ended) {
@@ -283,6 +315,7 @@ int smpl_sample_end(smpl_instance *s)
     const double clock = smpl_clock(s, s->now.time);
     smpl_prepare(s);
 #if SMPL_HAS_end
+    smpl_look_back(s, clock, s->y, s->yp, 0);
     model_end(clock, s->y, s->u_used, s->p, s->c);
 #endif
     smpl_stale(s);
@@ -297,6 +330,7 @@ void smpl_roots(smpl_instance *s, double clock, const double *y, const double *y
 {
     (void)s, (void)clock, (void)y, (void)yp, (void)out;
 #if SMPL_HAS_events
+    smpl_look_back(s, clock, y, yp, 0);
     model_events(clock, y, yp, s->u_used, s->p, s->w, out);
 #endif
 }
@@ -364,6 +398,7 @@ int smpl_events(smpl_instance *s, int *changed)
             return 0;
         }
         set_builtin(s, 1, clock);
+        smpl_look_back(s, clock, s->y, s->yp, 0);
         for (int i = 0; i < SMPL_ROOTS; ++i) {
             if (!fired[i]) continue;
             smpl_say(s, fmi3OK, "time %.15g: event %s", clock, smpl_root_table[i].name);

@@ -79,6 +79,10 @@ fmi3Instance fmi3InstantiateModelExchange(
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     (void)name, (void)resources, (void)visible;
+    if (SMPL_DELAYS > 0) {
+        if (log) log(environment, fmi3Error, "logStatusError", "model exchange does not keep the past of `delay`: use co-simulation");
+        return NULL;
+    }
     return instantiate(token, logging, environment, log, 0);
 }
 

@@ -62,6 +62,8 @@ static double norm(const smpl_instance *s, const double *x, const double *begin,
 
 static void residual(smpl_instance *s, double t, const double *y, const double *yp, double *out)
 {
+    /* A step whose past is not recorded yet is one to be shortened. */
+    smpl_look_back(s, t, y, yp, 1);
     model_residual(t, y, SMPL_IMPLICIT ? yp : s->zero, s->u_used, s->p, s->w, out);
 }
 
@@ -80,6 +82,7 @@ static void differentiate_by_time(smpl_instance *s, double t, double h, const do
 static double attempt(smpl_instance *s, double t, double h)
 {
     double *u = s->stages, *v = s->stages + 8 * (size_t)N, *now = s->delta;
+    smpl_look_back(s, t, s->y, s->yp, 0);
     model_jacobian(t, s->y, SMPL_IMPLICIT ? s->yp : s->zero, 1.0 / (h * GAMMA), s->u_used, s->p, s->w, s->matrix);
     if (SMPL_IMPLICIT) {
         model_jacobian(t, s->y, s->yp, 0.0, s->u_used, s->p, s->w, s->j0);
@@ -171,7 +174,7 @@ static void make_polynomial(smpl_instance *s)
     }
 }
 
-static void interpolate(const smpl_instance *s, double share, double h, double *y, double *yp)
+void smpl_interpolate(const smpl_instance *s, double share, double h, double *y, double *yp)
 {
     const double *first = s->terms, *last = first + N, *k1 = last + N, *k2 = k1 + N, *k3 = k2 + N, rest = 1.0 - share;
     for (int i = 0; i < N; ++i) {
@@ -211,14 +214,14 @@ static double locate(smpl_instance *s, double t, double h)
     while (high - low > fine) {
         const double middle = low + 0.5 * (high - low);
         if (middle <= low || middle >= high) break;
-        interpolate(s, middle, h, s->y2, s->yp2);
+        smpl_interpolate(s, middle, h, s->y2, s->yp2);
         if (passes(s, t + middle * h, s->y2, s->yp2)) high = middle;
         else {
             release(s);
             low = middle;
         }
     }
-    interpolate(s, high, h, s->y2, s->yp2);
+    smpl_interpolate(s, high, h, s->y2, s->yp2);
     passes(s, t + high * h, s->y2, s->yp2);
     return high;
 }
@@ -287,6 +290,62 @@ static const char *culprit(const smpl_instance *s)
     return MODEL_STATES > 0 ? model_states_table[worst].name : "";
 }
 
+/* The longest step: what it reads of the past is recorded. */
+static double longest(const smpl_progress *now)
+{
+#if SMPL_DELAYS
+    return fmin(SMPL_MAX_STEP, now->shortest);
+#else
+    (void)now;
+    return SMPL_MAX_STEP;
+#endif
+}
+
+/* Whether the past that a step reads is kept; says so if not. */
+static int is_known(smpl_instance *s)
+{
+#if SMPL_DELAYS
+    return !smpl_say_lost(s);
+#else
+    (void)s;
+    return 1;
+#endif
+}
+
+/* Keeps a step for delayed values. */
+static int record(smpl_instance *s, double t, double h, double to)
+{
+#if SMPL_DELAYS
+    return smpl_past_record(s, t, h, to);
+#else
+    (void)s, (void)t, (void)h, (void)to;
+    return 1;
+#endif
+}
+
+/* Goes on from the present state, behind a break that was crossed if there is one; 0 where it cannot. */
+static int go_on(smpl_instance *s, double crossed)
+{
+#if SMPL_DELAYS
+    if (!smpl_past_begin(s, crossed)) return 0;
+#endif
+    (void)crossed;
+    return smpl_refresh(s);
+}
+
+/* The next time at which an equation or a delayed value changes its form, as far as it matters before a time. */
+static double next_break(smpl_instance *s, double to)
+{
+    double next = smpl_clock(s, smpl_next_break(s, s->now.time, to));
+#if SMPL_DELAYS
+    const double end = smpl_clock(s, to);
+    next = fmin(next, smpl_past_break(s));
+    /* A break at the end is crossed there: the instant sees what is behind it, and delayed values have one later. */
+    if (next <= end + 2e-12 * fabs(end)) next = fmin(next, nextafter(end, -INFINITY));
+#endif
+    return next;
+}
+
 /* Steps to a time of the model, to the first event before it, or nowhere (-1). 1 for an event. */
 static int run(smpl_instance *s, double t, double to, double *reached)
 {
@@ -296,30 +355,32 @@ static int run(smpl_instance *s, double t, double to, double *reached)
         double h, error;
         if (to - t <= 4.0 * 2.220446049250313e-16 * fabs(to)) break;
         for (;; ++rejections) {
-            h = fit(fmin(now->proposed, SMPL_MAX_STEP), to - t);
+            h = fit(fmin(now->proposed, longest(now)), to - t);
             error = attempt(s, t, h);
             if (error <= 1.0 && determine(s, t + h)) break;
             if (error <= 1.0) error = INFINITY;
             reject(now, h, isnan(error) ? INFINITY : error);
             if (rejections > 60 || now->proposed < 4.0 * 2.220446049250313e-16 * fabs(t)) {
-                smpl_say(s, fmi3Error, "time %.15g: no step is short enough for `%s`", t, culprit(s));
+                if (is_known(s)) smpl_say(s, fmi3Error, "time %.15g: no step is short enough for `%s`", t, culprit(s));
                 return -1;
             }
         }
         accept(now, h, error);
         const double end = to - t - h <= 4.0 * 2.220446049250313e-16 * fabs(to) ? to : t + h;
+        if (SMPL_ROOTS > 0 || SMPL_DELAYS > 0) make_polynomial(s);
         if (SMPL_ROOTS > 0) {
-            make_polynomial(s);
-            interpolate(s, 1.0, h, s->y2, s->yp2);
+            smpl_interpolate(s, 1.0, h, s->y2, s->yp2);
             if (passes(s, end, s->end, s->yp2)) {
                 const double share = locate(s, t, h);
+                *reached = share == 1.0 ? end : t + share * h;
+                if (!record(s, t, h, *reached)) return -1;
                 memcpy(s->y, s->y2, sizeof(double) * N);
                 memcpy(s->yp, s->yp2, sizeof(double) * N);
-                *reached = share == 1.0 ? end : t + share * h;
                 return 1;
             }
             release(s);
         }
+        if (!record(s, t, h, end)) return -1;
         memcpy(s->y, s->end, sizeof(double) * N);
         memcpy(s->yp, s->end_p, sizeof(double) * N);
         t = end;
@@ -343,11 +404,11 @@ int smpl_integrate(smpl_instance *s, double to)
     for (int events = 0; now->time < to && !now->ended;) {
         const double begin = smpl_clock(s, now->time), end = smpl_clock(s, to);
         const double width = 16.0 * 2.220446049250313e-16 * fmax(fabs(begin), fabs(end));
-        const double next = smpl_clock(s, smpl_next_break(s, now->time, to));
-        const int breaks = next < end;
-        double reached = begin;
-        int changed = 0, outcome;
-        if (!smpl_refresh(s)) return 0;
+        double next, reached = begin;
+        int changed = 0, outcome, breaks;
+        if (!go_on(s, NAN)) return 0;
+        next = next_break(s, to);
+        breaks = next < end;
         if (!(now->proposed > 0.0)) {
             now->proposed = first_step(s, begin, end - begin);
             now->last_error = 1.0;
@@ -357,7 +418,7 @@ int smpl_integrate(smpl_instance *s, double to)
         now->time = outcome == 0 && !breaks ? to : now->begin + (reached - now->begin) / SMPL_PACE;
         if (outcome == 0 && breaks) now->time = fmin(now->begin + (next + width - now->begin) / SMPL_PACE, to);
         now->consistent = 0;
-        if (!smpl_refresh(s)) return 0;
+        if (!go_on(s, outcome == 0 && breaks ? next : NAN)) return 0;
         if (outcome == 1 || breaks) {
             if (!smpl_events(s, &changed)) return 0;
             if (outcome == 1 && ++events > SMPL_MAX_EVENTS) {

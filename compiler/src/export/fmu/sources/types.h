@@ -34,6 +34,18 @@ typedef struct {
     int parameter, in_p, at;
 } smpl_given;
 
+/* Where a number of a delayed value is read: an element of p or c; nowhere below 0. */
+typedef struct {
+    int in_p, at;
+} smpl_slot;
+
+/* A call of `delay`: its dead time changes at any time; there are values before the start; the longest dead time of one that changes. */
+typedef struct {
+    const char *name;
+    int varies, before;
+    double most;
+} smpl_delay;
+
 /* What an event does. */
 typedef enum { SMPL_FAILS, SMPL_RUNS, SMPL_RESTARTS, SMPL_SUCCEEDS } smpl_action;
 

@@ -22,11 +22,13 @@ static const double *vector_of(smpl_instance *s, smpl_source source)
     case SMPL_P: return s->p;
     case SMPL_OUT:
 #if SMPL_HAS_outputs
+        smpl_look_back(s, clock, s->y, s->yp, 0);
         model_outputs(clock, s->y, s->yp, s->u_used, s->p, s->w, s->outputs);
 #endif
         return s->outputs;
     case SMPL_OBSERVED:
 #if SMPL_HAS_observations
+        smpl_look_back(s, clock, s->y, s->yp, 0);
         model_observations(clock, s->y, s->yp, s->u_used, s->p, s->c, s->observations);
 #endif
         return s->observations;
@@ -85,19 +87,28 @@ static int is_settable(smpl_instance *s, smpl_role role)
 static fmi3Status set(smpl_instance *s, const smpl_variable *variable, const double *values)
 {
     const int early = s->now.mode == INSTANTIATED || s->now.mode == INITIALIZATION;
+    int changed = 0;
     if (early && variable->source != SMPL_U) s->now.initialised = 0;
     for (int i = 0; i < variable->count; ++i) {
         const int place = smpl_places[variable->first + i];
         if (!isfinite(values[i])) return smpl_say(s, fmi3Error, "a value that is not finite cannot be set");
         switch (variable->source) {
-        case SMPL_U: s->u[place] = values[i]; break;
-        case SMPL_Y: s->y[place] = values[i]; break;
+        case SMPL_U:
+            changed |= s->u[place] != values[i];
+            s->u[place] = values[i];
+            break;
+        case SMPL_Y:
+            changed |= s->y[place] != values[i];
+            s->y[place] = values[i];
+            break;
         default:
+            changed |= s->p[place] != values[i] || !(s->p_set[place] > 0.0);
             if (variable->role == SMPL_PARAMETER && s->p[place] != values[i]) s->now.parameters_set = 1;
             s->p[place] = values[i];
             s->p_set[place] = 1.0;
         }
     }
+    if (!changed) return fmi3OK;
     if (variable->role == SMPL_PARAMETER && !early) smpl_parameters(s);
     smpl_stale(s);
     return fmi3OK;
@@ -202,15 +213,49 @@ MISSING(GetAdjointDerivative, "adjoint derivatives", const fmi3ValueReference *u
         const fmi3ValueReference *knowns, size_t known_count, const fmi3Float64 *seed, size_t seed_length, fmi3Float64 *sensitivity,
         size_t length)
 
-/* A saved state: the numbers that change beside the vectors, then the vectors. */
+/* A saved state: the numbers that change beside the vectors, then the vectors, and the past of delayed expressions. */
 #define SAVED (sizeof(smpl_progress) + SMPL_KEPT * sizeof(double))
+
+/* Bytes of a saved state. */
+static size_t saved(const void *state)
+{
+#if SMPL_DELAYS
+    smpl_progress now;
+    memcpy(&now, state, sizeof now);
+    return SAVED + ((size_t)now.pieces * SMPL_PIECE + 2 * (size_t)now.marks) * sizeof(double);
+#else
+    (void)state;
+    return SAVED;
+#endif
+}
+
+/* Whether bytes are those of a saved state. */
+static int is_saved(const void *bytes, size_t size)
+{
+    if (size < SAVED) return 0;
+#if SMPL_DELAYS
+    smpl_progress now;
+    memcpy(&now, bytes, sizeof now);
+    if (now.pieces < 0 || now.pieces > SMPL_HISTORY || now.marks < 0 || now.marks > SMPL_HISTORY) return 0;
+#endif
+    return size == saved(bytes);
+}
+
+static fmi3Status wrong_size(smpl_instance *s, size_t size)
+{
+    return smpl_say(s, fmi3Error, "%lu bytes are not a saved state of this FMU", (unsigned long)size);
+}
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
 {
-    if (!*state) *state = malloc(SAVED);
-    if (!*state) return smpl_say(S, fmi3Error, "no memory");
-    memcpy(*state, &S->now, sizeof S->now);
-    memcpy((char *)*state + sizeof S->now, S->kept, SMPL_KEPT * sizeof(double));
+    void *room = realloc(*state, saved(&S->now));
+    if (!room) return smpl_say(S, fmi3Error, "no memory");
+    *state = room;
+    memcpy(room, &S->now, sizeof S->now);
+    memcpy((char *)room + sizeof S->now, S->kept, SMPL_KEPT * sizeof(double));
+#if SMPL_DELAYS
+    smpl_past_save(S, (double *)((char *)room + SAVED));
+#endif
     return fmi3OK;
 }
 
@@ -220,6 +265,9 @@ fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
     memcpy(&S->now, state, sizeof S->now);
     memcpy(S->kept, (char *)state + sizeof S->now, SMPL_KEPT * sizeof(double));
     S->now.prepared = 0;
+#if SMPL_DELAYS
+    smpl_past_restore(S, (const double *)((char *)state + SAVED));
+#endif
     return fmi3OK;
 }
 
@@ -233,24 +281,26 @@ fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
 {
-    (void)instance, (void)state;
-    *size = SAVED;
+    if (!state) return smpl_say(S, fmi3Error, "there is no saved state");
+    *size = saved(state);
     return fmi3OK;
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte *bytes, size_t size)
 {
-    if (!state || size != SAVED) return smpl_say(S, fmi3Error, "a saved state has %lu bytes", (unsigned long)SAVED);
-    memcpy(bytes, state, SAVED);
+    if (!state || size != saved(state)) return wrong_size(S, size);
+    memcpy(bytes, state, size);
     return fmi3OK;
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte *bytes, size_t size, fmi3FMUState *state)
 {
-    if (size != SAVED) return smpl_say(S, fmi3Error, "a saved state has %lu bytes", (unsigned long)SAVED);
-    if (!*state) *state = malloc(SAVED);
-    if (!*state) return smpl_say(S, fmi3Error, "no memory");
-    memcpy(*state, bytes, SAVED);
+    void *room;
+    if (!is_saved(bytes, size)) return wrong_size(S, size);
+    room = realloc(*state, size);
+    if (!room) return smpl_say(S, fmi3Error, "no memory");
+    *state = room;
+    memcpy(room, bytes, size);
     return fmi3OK;
 }
 
@@ -296,6 +346,7 @@ static int differentiate(smpl_instance *s, double *rows)
     memset(rows, 0, SMPL_PARTIAL_ROWS * sizeof(double));
     if (!smpl_refresh(s)) return 0;
 #if SMPL_HAS_partials
+    smpl_look_back(s, clock, s->y, s->yp, 0);
     model_partials(clock, s->y, s->yp, s->u_used, s->p, s->c, s->partials);
 #endif
     if (smpl_rate_matrix(s, clock, s->y, s->yp)) return 0;
