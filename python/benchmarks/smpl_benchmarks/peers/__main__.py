@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+from functools import partial
 
 from smpl_benchmarks.peers import (
     advection,
@@ -16,12 +17,14 @@ from smpl_benchmarks.peers import (
     kernel,
     kernels,
     mab,
+    networks,
     pensim,
     ppo,
     precision,
     reactor,
     robertson,
     steps,
+    stiff,
 )
 
 SECTIONS = {
@@ -31,10 +34,12 @@ SECTIONS = {
     "reactor": reactor.main,
     "batch": batch.main,
     "precision": precision.main,
+    "stiff": stiff.main,
     "kernels": kernels.main,
     "kernel": kernel.main,
     "advection": advection.main,
     "robertson": robertson.main,
+    "network": networks.main,
     "pensim": pensim.main,
     "mab": mab.main,
     "exports": exports.main,
@@ -49,13 +54,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m smpl.bench", description="Benchmarks against peers.")
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=f"some of {', '.join(SECTIONS)}; all by default")
     parser.add_argument("--repeats", type=int, default=5, help="runs whose median is taken")
+    parser.add_argument("--file", metavar="FILE.net", help="reaction network of the section `network`")
     arguments = parser.parse_args()
     unknown = [name for name in arguments.sections if name not in SECTIONS]
     if unknown:
         parser.error(f"no section {', '.join(unknown)}; there are: {', '.join(SECTIONS)}")
     print(f"{platform.machine()}, Python {platform.python_version()}; processor time of one thread, medians")
-    for name in arguments.sections or SECTIONS:
-        SECTIONS[name](arguments.repeats)
+    sections = SECTIONS | {"network": partial(networks.main, path=arguments.file)}
+    for name in arguments.sections or sections:
+        sections[name](arguments.repeats)
 
 
 if __name__ == "__main__":

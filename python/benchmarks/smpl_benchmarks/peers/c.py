@@ -8,8 +8,10 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smpl.support.arguments import FloatArray
 
@@ -59,7 +61,7 @@ class Library:
         return out
 
 
-def pointer(array: FloatArray) -> ctypes.c_void_p:
+def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
     """Address of an array, which the caller keeps."""
     return ctypes.c_void_p(array.ctypes.data)
 
