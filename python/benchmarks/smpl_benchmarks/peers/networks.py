@@ -1,4 +1,4 @@
-"""A large reaction network from a file: compilation, all methods, CVODE with KLU.
+"""A large reaction network from a file: compilation, all methods, CVODE with KLU, LSODA.
 
 `python -m smpl.bench network --file bcr.net`, for example the network of early signals of the B
 cell receptor (1,122 species, 24,388 reactions; Barua, Hlavacek and Lipniacki 2012). The package
@@ -13,14 +13,17 @@ import ctypes
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import smpl
 from smpl.support.arguments import FloatArray
 from smpl_benchmarks.peers.c import HERE, compiler, pointer
-from smpl_benchmarks.peers.common import compile_time, memory, scenario, title
+from smpl_benchmarks.peers.common import compile_time, installed, memory, scenario, title
 from smpl_benchmarks.peers.network import Indices, Network, model_text, read_network, scale_of
 from smpl_benchmarks.peers.stiff import LIBRARIES, CProblem, address, shared_library
 
@@ -87,7 +90,10 @@ def at_an_end(network: Network, active: Network, model: Path, folder: str, end: 
     print(f"  to t = {end:g} s")
     programs: dict[str, Run] = {f"`{method}`": own(model, method, end) for method in ("rosenbrock", "auto", "ida")}
     if compiler():
-        programs["CVODE, KLU"] = cvode(active, folder, end)
+        compiled = compiled_network(active, folder)
+        programs["CVODE, KLU"] = cvode(active, compiled, folder, end)
+        if installed("LSODA", "numbalsoda"):
+            programs["LSODA"] = lsoda(active, compiled, end)
     exact, *_ = programs["`rosenbrock`"](1e-11)
     if exact is None:
         print("    no reference")
@@ -100,10 +106,8 @@ def at_an_end(network: Network, active: Network, model: Path, folder: str, end: 
                 print(f"    {name} at {rtol:g}: fails")
                 continue
             error = float(np.max(np.abs(states - exact) / size))
-            each = taken / max(steps, 1) * 1e3
-            print(
-                f"    {name} at {rtol:g}: {taken:.3g} s, {steps} steps of {each:.2g} ms; error {error:.0e}", flush=True
-            )
+            each = f", {steps} steps of {taken / steps * 1e3:.2g} ms" if steps else ""
+            print(f"    {name} at {rtol:g}: {taken:.3g} s{each}; error {error:.0e}", flush=True)
 
 
 def without_idle(network: Network) -> Network:
@@ -147,39 +151,69 @@ def slopes(network: Network) -> tuple[Indices, Indices, FloatArray]:
     return columns * size + rows, others, weights
 
 
-def cvode(network: Network, folder: str, end: float) -> Run:
-    """CVODE (BDF, Newton, sparse LU of KLU) from C, with the exact Jacobian."""
+@dataclass(frozen=True)
+class Compiled:
+    """Rates and sparse Jacobian of a network in C, with the arrays that they read."""
+
+    problem: CProblem
+    data: CNetwork
+    arrays: tuple[NDArray[Any], ...]
+    library: Any
+
+
+def compiled_network(network: Network, folder: str) -> Compiled:
+    """The rates, compiled by gcc, and the pattern of the Jacobian by columns."""
     size = len(network.start)
     positions, others, weights = slopes(network)
     pattern, places = np.unique(np.append(positions, np.arange(size) * (size + 1)), return_inverse=True)
-    columns = np.searchsorted(pattern, np.arange(size + 1) * size)
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         "constants": network.constants, "counts": network.counts, "weights": weights, "first": network.first,
         "second": network.second, "rows": network.rows, "numbers": network.reactions,
         "other": others, "places": places[: len(weights)],
         "rate": np.zeros(len(network.constants)), "amount": np.zeros(size + 1),
     }  # fmt: skip
-    kept = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    kept = [np.ascontiguousarray(arrays[name]) for name in ARRAYS]
+    rows, columns = pattern % size, np.searchsorted(pattern, np.arange(size + 1) * size)
     counts = size, len(network.constants), len(network.rows), len(pattern), len(weights)
-    data = CNetwork(*counts, *(pointer(kept[name]) for name in ARRAYS))
-    rates = shared_library(RATES, folder, "network")
+    data = CNetwork(*counts, *(pointer(array) for array in kept))
+    library = shared_library(RATES, folder, "network")
+    problem = CProblem(
+        address(library.rates), address(library.jacobian), size, len(pattern), pointer(columns), pointer(rows),
+        ctypes.cast(ctypes.pointer(data), ctypes.c_void_p),
+    )  # fmt: skip
+    return Compiled(problem, data, (*kept, rows, columns), library)
+
+
+def cvode(network: Network, compiled: Compiled, folder: str, end: float) -> Run:
+    """CVODE (BDF, Newton, sparse LU of KLU) from C, with the exact Jacobian."""
     libraries = [*(f"-lsundials_{name}" for name in LIBRARIES), "-lklu"]
     driver = shared_library((HERE / "cvode.c").read_text(), folder, "driver", *libraries)
     driver.solve.restype = ctypes.c_double
-    rows, starts = np.ascontiguousarray(pattern % size), np.ascontiguousarray(columns)
-    problem = CProblem(
-        address(rates.rates), address(rates.jacobian), size, len(pattern), pointer(starts), pointer(rows),
-        ctypes.cast(ctypes.pointer(data), ctypes.c_void_p),
-    )  # fmt: skip
+    size = len(network.start)
 
     def run(rtol: float) -> tuple[FloatArray | None, float, int]:
-        # The arrays stay alive with this function.
-        assert kept and len(rows) and len(starts)
         out, made, atol = np.zeros(size), (ctypes.c_long * 2)(), np.full(size, 1e-2 * rtol * scale_of(network))
         taken = driver.solve(
-            ctypes.byref(problem), pointer(network.start), pointer(atol), ctypes.c_double(rtol),
+            ctypes.byref(compiled.problem), pointer(network.start), pointer(atol), ctypes.c_double(rtol),
             ctypes.c_double(end), ctypes.c_long(1), pointer(out), made,
         )  # fmt: skip
         return None if taken < 0 else out, taken, int(made[0])
+
+    return run
+
+
+def lsoda(network: Network, compiled: Compiled, end: float) -> Run:
+    """LSODA in C++ (numbalsoda): dense Jacobians by differences; it does not report its steps."""
+    import numbalsoda
+
+    # The package passes an array of numbers to the rates: here the bytes of their structure.
+    data, times = np.frombuffer(bytes(compiled.data), dtype=np.float64).copy(), np.array([0.0, end])
+    rates = address(compiled.library.rates)
+
+    def run(rtol: float) -> tuple[FloatArray | None, float, int]:
+        atol = 1e-2 * rtol * scale_of(network)
+        begin = time.thread_time()
+        states, good = numbalsoda.lsoda(rates, network.start, times, data=data, rtol=rtol, atol=atol, mxstep=1_000_000)
+        return (states[-1] if good else None), time.thread_time() - begin, 0
 
     return run
