@@ -243,6 +243,10 @@ def test_controls_run_on_the_episodes_of_a_track(tmp_path, monkeypatch):
     assert {one.track for one in runs("control", "short", "Beer", 1, track="raw")} == {"residual"}
     # Those that read states without noise are not rivals of policies that see measurements.
     assert not {one.controller for one in runs("control", "short", "Reactor", 1, track="partial")} & {"lqr", "pid"}
+    assert {one.controller for one in runs("control", "short", "Atropine", 1, track="partial")} == {
+        "nominal",
+        "constant",
+    }
 
 
 def test_gains_by_the_size_of_the_data_have_their_difference():

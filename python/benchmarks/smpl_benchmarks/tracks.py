@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 RESIDUAL = "residual"
-# Quick controls, which a track with its own episodes runs; those that read the observations alone.
-_OBSERVERS = ("nominal", "constant", "open_loop", "pi", "feedback", "isothermal", "profile", "recipe")
-_QUICK = (*_OBSERVERS, "pid", "lqr")
+# Quick controls, which a track with its own episodes runs; those that need the observations of the
+# level `online` alone.
+_OBSERVERS = ("nominal", "constant", "open_loop", "pi", "isothermal", "profile", "recipe")
+_QUICK = (*_OBSERVERS, "pid", "lqr", "feedback")
 # Learners by derivatives and the processes that they train; predictive control needs weights to
 # begin with.
 DERIVED = {"SHAC": ("Reactor", "Beer", "PenSim", "Atropine", "MAb", "MAbPlant"), "DiffNMPC": ("Reactor",)}
