@@ -329,3 +329,11 @@ def test_model_exchange_is_not_offered_for_a_dead_time(folder):
     assert description.modelExchange is None
     assert description.coSimulation is not None
     assert fmpy.validation.validate_fmu(str(archive)) == []
+
+
+def test_a_clock_that_jumps_at_sampling_instants_is_refused_with_a_dead_time(tmp_path):
+    model = smpl.compile(source=HEATER + "episode { step = 0.5 [s], integrate = 0.25 [s], max_steps = 20 }\n")
+    with pytest.raises(ValueError, match=r"`delay\(u, theta\)` reads a past.*remove `integrate`"):
+        smpl.export.fmu(model, tmp_path / "paced.fmu")
+    with pytest.raises(ValueError, match="integrate"):
+        smpl.cuda.Batch(model, 2, device="cpu")

@@ -39,6 +39,12 @@ pub enum ExportError {
         /// The call.
         delay: String,
     },
+    /// The clock of an FMU jumps at sampling instants, and so would the past.
+    #[error("`{delay}` reads a past, and the model integrates another length than its sampling interval; remove `integrate`")]
+    Clock {
+        /// The call.
+        delay: String,
+    },
     /// A variable of an FMU has no start value.
     #[error("`{name}` has no value at the nominal point, and an FMU needs a start value")]
     NoStart {

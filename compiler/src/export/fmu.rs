@@ -165,6 +165,10 @@ fn is_carried(function: &Function) -> bool {
 
 /// Parts that would be wrong numbers in an FMU.
 fn refuse(sheet: &Sheet) -> Result<(), ExportError> {
+    let episode = &sheet.model.interface.episode;
+    if let Some(delay) = sheet.model.delays.first().filter(|_| episode.integrate != episode.step) {
+        return Err(ExportError::Clock { delay: delay.name.clone() });
+    }
     for function in sheet.functions.iter().filter(|f| is_carried(f)) {
         for (var, flavour) in sheet.loads(function) {
             match (sheet.model.vars[var].role, flavour) {

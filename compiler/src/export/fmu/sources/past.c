@@ -320,6 +320,7 @@ int smpl_past_start(smpl_instance *s)
     const double t = smpl_clock(s, now->time), change = look_at_present(s, t, s->y, s->yp);
     const smpl_span span = {0, t, 0.0};
     double longest = 0.0;
+    s->lost = 0;
     now->first_piece = now->pieces = now->marks = now->cut_off = now->begun = 0;
     now->crossed = NAN;
     for (int e = 0; e < WIDTH; ++e) {
@@ -345,6 +346,7 @@ int smpl_past_start(smpl_instance *s)
 int smpl_past_record(smpl_instance *s, double t, double h, double to)
 {
     const smpl_span span = {1, t, h};
+    s->lost = 0;
     smpl_forget_new(s, s->now.crossed <= t ? s->now.crossed : t);
     return record_span(s, &span, t, to);
 }
