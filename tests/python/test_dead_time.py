@@ -650,3 +650,26 @@ def test_a_delayed_relay_follows_its_triangles(method, delayed, th, start, end, 
     expected = z + slope * (end - time)
     found = final(source, end, steps, method)[0]
     assert found == pytest.approx(expected, abs=1e-10 if method == "ida" else 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("heating", "outflow"),
+    [("delay(Q, 0.7 [s])", "m"), ("delay(2*delay(Q, 1 [s]) - Q, 0.7 [s])", "m"), ("Q", "delay(m, 2 [s])")],
+)
+def test_trims_find_actions_that_act_after_a_dead_time(heating, outflow):
+    """At rest a delayed value is the present one: Q = 0.5*(320 - 290) - 5, and m = 16."""
+    model = smpl.compile(
+        source=f"""
+time t : s
+action Q : kW = 20 in 0..100
+state T : K = 300
+state m : kg = 5 in 0..100
+eq 10 [kJ/K]*d/dt T = {heating} + 5 [kW] - 0.5 [kW/K]*(T - 290 [K])
+eq d/dt m = 2 [kg/s] - 1 [kg/s]*sqrt({outflow}/4 [kg])
+observe T in 0..1000
+episode {{ step = 1 [s], max_steps = 3 }}
+"""
+    )
+    y, u = model.trim({"T": 320.0}, ["Q"])
+    assert u == pytest.approx([10], rel=1e-9)
+    assert y == pytest.approx([320, 16], rel=1e-9)

@@ -14,16 +14,17 @@ use crate::system::CompiledSystem;
 /// Row, column, value.
 type Triplet = (usize, usize, f64);
 
-/// Derivatives of the equations by the unknowns in what is delayed.
+/// Derivatives of the equations by the unknowns and free actions in what is delayed.
 pub(super) struct Delays {
-    /// Row of each value, and the place in `y` that it is a derivative by.
+    /// Row of each value, and the place in `y` that it is a derivative by; free actions follow the
+    /// unknowns.
     pub places: Vec<(usize, usize)>,
     pub values: Vec<f64>,
     numbers: BTreeMap<(usize, usize), usize>,
 }
 
-/// Derivatives of the equations by delayed values, of what is delayed by unknowns, and of what is
-/// delayed by delayed values.
+/// Derivatives of the equations by delayed values, of what is delayed by unknowns and free actions,
+/// and of what is delayed by delayed values.
 struct Parts {
     rows: Vec<Triplet>,
     by_unknowns: Vec<Triplet>,
@@ -31,7 +32,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn at(system: &mut CompiledSystem, y: &[f64], zero: &[f64]) -> Result<Self, SteadyError> {
+    fn at(system: &mut CompiledSystem, actions: &[usize], y: &[f64], zero: &[f64]) -> Result<Self, SteadyError> {
         system.look_back(0.0, y, zero);
         let (model, memory) = system.parts();
         let mut of = |of, by| {
@@ -43,9 +44,15 @@ impl Parts {
         let values = |triplets: Vec<Triplet>| -> Vec<Triplet> {
             triplets.into_iter().filter(|(_, column, _)| column % slots == 0).map(|(row, column, x)| (row, column / slots, x)).collect()
         };
+        let mut by_unknowns = of(Derived::Delayed, WithRespectTo::Unknowns)?;
+        if !actions.is_empty() {
+            let place = |at| actions.iter().position(|&free| free == at).map(|i| y.len() + i);
+            let by_actions = of(Derived::Delayed, WithRespectTo::Actions)?.into_iter();
+            by_unknowns.extend(by_actions.filter_map(|(element, at, value)| Some((element, place(at)?, value))));
+        }
         Ok(Self {
             rows: values(of(Derived::Rows, WithRespectTo::Delayed)?),
-            by_unknowns: of(Derived::Delayed, WithRespectTo::Unknowns)?,
+            by_unknowns,
             nested: values(of(Derived::Delayed, WithRespectTo::Delayed)?),
         })
     }
@@ -85,12 +92,12 @@ impl Delays {
     ///
     /// # Errors
     /// If an equation cannot be differentiated.
-    pub(super) fn new(system: &mut CompiledSystem, y: &[f64]) -> Result<Option<Self>, SteadyError> {
+    pub(super) fn new(system: &mut CompiledSystem, actions: &[usize], y: &[f64]) -> Result<Option<Self>, SteadyError> {
         let width = system.model().model().delayed();
         if width == 0 {
             return Ok(None);
         }
-        let parts = Parts::at(system, y, &vec![0.0; y.len()])?;
+        let parts = Parts::at(system, actions, y, &vec![0.0; y.len()])?;
         let mut numbers = BTreeMap::new();
         for &(row, element, _) in &parts.rows {
             for column in parts.reach(element) {
@@ -104,11 +111,11 @@ impl Delays {
     }
 
     /// Evaluates the derivatives at `y`.
-    pub(super) fn evaluate(&mut self, system: &mut CompiledSystem, y: &[f64], zero: &[f64]) {
+    pub(super) fn evaluate(&mut self, system: &mut CompiledSystem, actions: &[usize], y: &[f64], zero: &[f64]) {
         self.values.fill(0.0);
         // Differentiable when the search began, so now.
-        let Ok(parts) = Parts::at(system, y, zero) else { return };
-        let total = parts.total(system.model().model().delayed(), y.len());
+        let Ok(parts) = Parts::at(system, actions, y, zero) else { return };
+        let total = parts.total(system.model().model().delayed(), y.len() + actions.len());
         for &(row, element, value) in &parts.rows {
             for (&column, derivative) in &total[element] {
                 if let Some(&number) = self.numbers.get(&(row, column)) {

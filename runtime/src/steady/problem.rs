@@ -96,7 +96,7 @@ impl Problem {
         row_places.iter().enumerate().for_each(|(position, &at)| number[at] = Some(position));
         conditions.iter().filter(|&&(_, row)| row < n).for_each(|&(_, row)| number[row] = None);
         let frames = Frames::new(system)?;
-        let delays = Delays::new(system, y)?;
+        let delays = Delays::new(system, actions, &y[..n])?;
         let pattern = system.pattern();
         let places = frames.iter().flat_map(|frames| &frames.places).chain(delays.iter().flat_map(|delays| &delays.places));
         let by_frames = places.enumerate();
@@ -264,7 +264,7 @@ impl Problem {
             frames.evaluate(system, y, &self.zero);
         }
         if let Some(delays) = &mut self.delays {
-            delays.evaluate(system, y, &self.zero);
+            delays.evaluate(system, &self.actions, y, &self.zero);
         }
         let (jacobian, behind) = self.entries.split_at_mut(system.pattern().entries());
         system.jacobian(0.0, y, &self.zero, cj, jacobian);
