@@ -128,3 +128,25 @@ def test_a_preheater_holds_its_outlet_by_its_feed():
         for _ in range(10):
             env.step([])
         assert env.state == pytest.approx([T1, T2, T3, 360 - 4 / q, 360, q], rel=1e-6), method
+
+
+@pytest.mark.parametrize("other", ["", "initial n2 = 2*n1\n"])
+def test_a_given_state_that_does_not_fit_is_refused_next_to_conditions(other):
+    """A condition holds n1 at 70 mol; a given n1 drops it."""
+    vessels = """
+    action F : mol/s = 0 in -1..1
+    state n1 : mol = 40
+    state n2 : mol = 80
+    var w : mol/s
+    eq n1 = n2/2
+    eq d/dt n1 = F - w
+    eq d/dt n2 = w
+    initial eq n1 = 70 [mol] free n1
+    """
+    env = smpl.Env(smpl.compile(source=HEAD.format(step=1, steps=1) + vessels + other), normalize=False)
+    for given, n1 in ({}, 70), ({"n1": 10.0}, 10), ({"n1": 10.0, "n2": 20.0}, 10), ({"n2": 140.0}, 70):
+        env.reset(seed=0, options={"state": given} if given else None)
+        assert env.state == pytest.approx([n1], rel=1e-9)
+    for given, demanded in ({"n2": 100.0}, 140), ({"n1": 10.0, "n2": 21.0}, 20):
+        with pytest.raises(smpl.SimulationError, match=f"`n2` starts at {given['n2']:g} mol.* demands {demanded}"):
+            env.reset(seed=0, options={"state": given})

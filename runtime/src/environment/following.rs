@@ -29,9 +29,12 @@ impl Environment {
     /// Initial values that satisfy the constraints which bind states to each other.
     pub(super) fn initial_values(&mut self, options: &ResetOptions) -> Result<(), ResetError> {
         let settled = self.settle_initial_values(options);
-        // Conditions at the start move states: the others follow.
-        if options.start == Start::Steady || !self.setup.freed.pairs.is_empty() {
+        if options.start == Start::Steady {
             return settled.map(|_| ());
+        }
+        // Conditions at the start move states: the others follow, but for those that are given.
+        if !self.setup.freed.pairs.is_empty() {
+            return self.refuse_unfit(options, &settled?);
         }
         match settled {
             Ok(given) => self.refuse_unfit(options, &given)?,
@@ -142,12 +145,13 @@ impl Environment {
         None
     }
 
-    /// Refuses given values that the constraints do not allow. Where a caller names states, the
-    /// others of a constraint follow.
+    /// Refuses given values that the constraints do not allow. Where a caller names states, or
+    /// conditions move some, the others of a constraint follow.
     pub(super) fn refuse_unfit(&self, options: &ResetOptions, given: &[(usize, f64)]) -> Result<(), ResetError> {
         let setup = &self.setup;
+        let all = setup.options.initial.is_empty() && setup.freed.pairs.is_empty();
         let is_named = |name: &str| match &options.state {
-            StateInput::Start => setup.options.initial.is_empty() || setup.options.initial.contains_key(name),
+            StateInput::Start => all || setup.options.initial.contains_key(name) || setup.options.given_starts.contains(name),
             StateInput::Named(named) => named.contains_key(name),
             StateInput::Array(_) => false,
         };
