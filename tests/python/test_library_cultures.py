@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import smpl
 from plants import difference, rest
@@ -170,6 +171,20 @@ def test_distribution_of_crystals_follows_its_balance():
     start = rest(model)
     assert list(model.state_names[:2]) == ["C.c[solute]", "C.N[1]"]
     assert difference(model, lambda x, u: population(x, u, 30), start, actions, 0.1) < 1e-6
+
+
+def test_distribution_of_crystals_by_ida_is_as_near_as_its_tolerance():
+    """Cells are compared with the largest one: empty ones lie far below their absolute tolerances."""
+    model = smpl.compile(source=POPULATION + END)
+    actions = np.repeat([[40.0, 0.0], [30.0, 0.0], [30.0, 0.5]], 10, axis=0)
+    x = start = rest(model)
+    states = model.rollout(start, actions).states[0]
+    for action, found in zip(actions, states[1:], strict=True):
+        x = solve_ivp(
+            lambda _, x, u=action: population(x, u, 30), (0, 0.1), x, "Radau", rtol=1e-11, atol=1e-12 * x.max()
+        ).y[:, -1]
+        assert found[0] == pytest.approx(x[0], rel=1e-9)
+        assert found[1:] == pytest.approx(x[1:], abs=2e-8 * x[1:].max())
 
 
 def test_distribution_approaches_the_moments_of_the_other_component():
