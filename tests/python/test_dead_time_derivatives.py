@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -364,3 +365,59 @@ def test_updates_at_the_first_instant_read_the_derivatives_of_delayed_values(upd
     steps = model.linearize_rollout([60.0], np.zeros((3, 0)), by=("state",), parameters=("p",))
     moved = [model.rollout([60.0 + h], np.zeros((3, 0))).states.ravel()[1:] for h in (-0.01, 0.01)]
     assert np.ravel(steps.dx_dx) == pytest.approx((moved[1] - moved[0]) / 0.02, rel=1e-6, abs=1e-7)
+
+
+CONTACT = """
+model Contact "two vessels of one pressure, and a draw from the second one that follows its content"
+time t : s
+param theta : s = 1.31
+action F : mol/s = 1 in 0..10
+state n1 : mol = 1
+state n2 : mol = 2
+var w : mol/s
+eq d/dt n1 = F - w - 0.3 [1/s]*n1
+eq d/dt n2 = w - 0.05 [1/s]*delay(n2, theta)
+eq n1 = n2/2
+observe n1 in -100..100, w in -100..100
+solver { rtol = 1e-9 }
+"""
+
+
+def contact(theta: float, actions: np.ndarray, step: float) -> np.ndarray:
+    """The first amount and the flow after each step: 3 n1' = F - 0.3 n1 - 0.1 n1(t - theta)."""
+    end = step * len(actions)
+    breaks = {i * theta + j * step for i in range(math.ceil(end / theta) + 1) for j in range(len(actions) + 1)}
+    times = [0.0, *sorted(time for time in breaks if 1e-9 < time < end + 1e-9)]
+    pieces: list[tuple[float, Callable]] = []
+
+    def past(time: float) -> float:
+        known = [piece for begin, piece in pieces if begin <= time]
+        return known[-1](time)[0] if known and time > 0 else 1.0
+
+    found, n1 = [], 1.0
+    for begin, until in itertools.pairwise(times):
+        feed = actions[int((begin + until) / 2 / step), 0]
+
+        def rate(t, y, feed=feed):
+            return (feed - 0.3 * y - 0.1 * past(t - theta)) / 3
+
+        piece = solve_ivp(rate, (begin, until), [n1], "DOP853", rtol=1e-12, atol=1e-13, dense_output=True)
+        pieces.append((begin, piece.sol))
+        n1 = piece.y[0, -1]
+        if min(until % step, step - until % step) < 1e-9:
+            delayed = past(until - theta)
+            found.append([n1, 2 * (feed - 0.3 * n1 - 0.1 * delayed) / 3 + 0.1 * delayed])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("method", ["ida", "rosenbrock", "auto"])
+@pytest.mark.parametrize(("step", "steps"), [(0.5, 12), (2.2, 3)])
+def test_a_delayed_unknown_of_a_constraint_has_derivatives_by_its_dead_time(method, step, steps):
+    model = compiled(CONTACT, step, steps, "s")
+    actions = np.random.default_rng(3).uniform(0, 4, (steps, 1))
+    found = model.linearize_rollout([1.0], actions, parameters=["theta"], method=method)
+    width = 1e-4
+    exact = (contact(1.31 + width, actions, step) - contact(1.31 - width, actions, step)) / (2 * width)
+    assert found.states[:, 0] == pytest.approx(contact(1.31, actions, step)[:, 0], abs=1e-6)
+    assert found.dx_dp[:, 0, 0] == pytest.approx(exact[:, 0], abs=1e-5)
+    assert found.dy_dp[:, :, 0] == pytest.approx(exact, abs=1e-4)

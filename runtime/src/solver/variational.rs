@@ -42,6 +42,12 @@ const MOST_OF_FIRST: f64 = 10.0;
 /// Rejections in a row after which there is no step that fits.
 const MOST_REJECTIONS: u32 = 40;
 
+/// Part of the steps before in which derivatives of algebraic unknowns may jump.
+const SUDDEN: f64 = 0.05;
+
+/// Part by which the length of the steps before counts in the next one.
+const FADING: f64 = 0.9;
+
 /// Reason why the integration cannot continue.
 pub(super) enum Stuck {
     /// A callback gave up, and has noted why.
@@ -84,6 +90,8 @@ struct Equations {
 struct Tolerances {
     rtol: [f64; 2],
     atol: Box<[f64]>,
+    /// The same without algebraic unknowns.
+    of_states: Box<[f64]>,
     /// Numbers that are tested.
     tested: f64,
 }
@@ -106,6 +114,7 @@ struct History {
 }
 
 /// Order and length of steps.
+#[derive(Default)]
 struct Pace {
     order: usize,
     /// Length of the next step; zero where none is known.
@@ -113,6 +122,11 @@ struct Pace {
     /// Steps since order or length changed.
     steady: usize,
     steps: u32,
+    /// Rejections since the last step.
+    rejections: u32,
+    /// Length of the steps before, which falls slowly: steps before a jump become shorter and
+    /// shorter.
+    usual: f64,
 }
 
 /// States of the unknowns.
@@ -156,6 +170,7 @@ impl Variational {
         let integrals = system.quadrature_count() / (1 + width);
         let (own, all) = (n * width, (n + integrals) * width);
         let (atol, rtol) = tolerances(system, settings, integrals);
+        let of_states = of_states(system, &atol);
         let state = || State { time: 0.0, y: Vector::zeros(n, operations, context), yp: Vector::zeros(n, operations, context) };
         let numbers = |length| vec![0.0; length];
         Ok(Self {
@@ -169,7 +184,7 @@ impl Variational {
             },
             max_order: (settings.max_order as usize).min(MAX_ORDER),
             max_steps: settings.max_steps,
-            tolerances: Tolerances { rtol, tested: atol.iter().filter(|atol| atol.is_finite()).count().max(1) as f64, atol },
+            tolerances: Tolerances { rtol, tested: atol.iter().filter(|atol| atol.is_finite()).count().max(1) as f64, atol, of_states },
             matrix: Matrix {
                 factorisation: Factorisation::new(pattern, settings.linear_solver)?,
                 values: numbers(pattern.entries()),
@@ -182,7 +197,7 @@ impl Variational {
             integrands: numbers(all - own),
             rates: numbers(all),
             formula: Formula::default(),
-            pace: Pace { order: 1, length: 0.0, steady: 0, steps: 0 },
+            pace: Pace::default(),
             path: Path { passed: (0..PASSED + 1).map(|_| state()).collect(), count: 0, inside: state() },
             nodes: Nodes::default(),
         })
@@ -211,26 +226,26 @@ impl Variational {
     /// Begins with derivatives of the differential unknowns at a consistent state: those of the
     /// algebraic ones, and rates, follow.
     pub(super) fn begin(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector), s: &[f64]) -> Result<(), Stuck> {
-        (self.history.known, self.pace.order, self.pace.length, self.pace.steady, self.pace.steps) = (1, 1, 0.0, 0, 0);
+        self.pace = Pace { order: 1, ..Pace::default() };
+        self.history.known = 1;
         self.history.times[0] = time;
         let first = &mut self.history.points[0];
         first[..self.size.own].copy_from_slice(s);
         first[self.size.own..].fill(0.0);
         self.path.passed[0].set(time, y, yp);
         self.path.count = 1;
-        self.rates.fill(0.0);
         self.equations.integrands_read_rates = bridge.integrands_read_rates()?;
-        self.find_rates(bridge, time, (y, yp))?;
-        if self.size.all > self.size.own {
-            let (rates, integrals) = self.rates.split_at_mut(self.size.own);
-            bridge.following_integrands(time, (y, yp), (&self.history.points[0][..self.size.own], rates), integrals)?;
-        }
-        Ok(())
+        self.path.inside.set(time, y, yp);
+        self.find_rates(bridge)
     }
 
-    /// Rates of differential unknowns' derivatives, and derivatives of the algebraic ones.
-    fn find_rates(&mut self, bridge: &mut Bridge, time: f64, (y, yp): (&Vector, &Vector)) -> Result<(), Stuck> {
+    /// Rates of differential unknowns' derivatives and of the integrals, and derivatives of the
+    /// algebraic unknowns, at the state that was placed.
+    fn find_rates(&mut self, bridge: &mut Bridge) -> Result<(), Stuck> {
         let width = self.size.width;
+        self.rates.fill(0.0);
+        let State { time, y, yp } = &self.path.inside;
+        let time = *time;
         for (row, _) in self.history.points[0][..self.size.own]
             .chunks_exact_mut(width)
             .zip(&self.equations.differential)
@@ -252,6 +267,11 @@ impl Variational {
             let row = i * width..(i + 1) * width;
             let to = if differential { &mut self.rates } else { &mut self.history.points[0] };
             to[row.clone()].copy_from_slice(&self.next[row]);
+        }
+        if self.size.all > self.size.own {
+            let (rates, integrals) = self.rates.split_at_mut(self.size.own);
+            let State { y, yp, .. } = &self.path.inside;
+            bridge.following_integrands(time, (y, yp), (&self.history.points[0][..self.size.own], rates), integrals)?;
         }
         Ok(())
     }
@@ -287,19 +307,16 @@ impl Variational {
             bridge.interpolate(to, 1, &mut state.yp)?;
             *count += 1;
         }
-        let mut rejections = 0;
         let known = if self.equations.has_past { bridge.longest_step()? } else { f64::INFINITY };
         while let Some(time) = self.target(to, end, known) {
             self.place(bridge, time)?;
             if self.step(bridge)? {
-                rejections = 0;
+                self.pace.rejections = 0;
                 self.pace.steps += 1;
                 self.record(bridge)?;
-            } else {
-                rejections += 1;
             }
             let (now, least) = (self.history.times[0], 4.0 * f64::EPSILON * self.history.times[0].abs());
-            if rejections > MOST_REJECTIONS || self.pace.length <= least {
+            if self.pace.rejections > MOST_REJECTIONS || self.pace.length <= least {
                 return Err(Stuck::Error(SolveError::StepTooSmall {
                     time: now,
                     step: self.pace.length,
@@ -378,7 +395,11 @@ impl Variational {
             bridge.counts.not_finite += 1;
             return Ok(self.reject(f64::INFINITY));
         }
-        let error = self.formula.error * self.distance();
+        let error = self.formula.error * self.distance(&self.tolerances.atol);
+        if error > 1.0 && self.jumps(error) {
+            self.jump(bridge)?;
+            return Ok(true);
+        }
         if error > 1.0 || error.is_nan() {
             bridge.counts.error_test_failures += 1;
             return Ok(self.reject(error));
@@ -386,6 +407,23 @@ impl Variational {
         self.choose(error);
         self.accept();
         Ok(true)
+    }
+
+    /// Returns whether derivatives of algebraic unknowns jump over a step that failed with this
+    /// error, and the step is so short that integrals of them do not change.
+    fn jumps(&self, error: f64) -> bool {
+        let share = (self.path.inside.time - self.history.times[0]) / self.pace.usual;
+        let may = self.history.known > 1 && share <= SUDDEN && error * share <= 1.0;
+        may && self.formula.error * self.distance(&self.tolerances.of_states) <= 1.0
+    }
+
+    /// Takes a step over which only derivatives of algebraic unknowns jump, and begins anew behind
+    /// it: slopes of recorded values jump from one step that recorded them to the next.
+    fn jump(&mut self, bridge: &mut Bridge) -> Result<(), Stuck> {
+        self.accept();
+        self.history.known = 1;
+        (self.pace.order, self.pace.steady, self.pace.length) = (1, 0, self.pace.usual);
+        self.find_rates(bridge)
     }
 
     /// Before the first step: a value behind it on the straight line, for a prediction.
@@ -429,11 +467,11 @@ impl Variational {
 
     /// Root mean square of the difference of the next values to their prediction, in tolerances of
     /// a step.
-    fn distance(&self) -> f64 {
+    fn distance(&self, atol: &[f64]) -> f64 {
         let own = self.size.own;
         let part = |range: std::ops::Range<usize>, rtol: f64| {
             let [new, old, predicted] = [&self.next, &self.history.points[0], &self.predicted].map(|x| &x[range.clone()]);
-            distance(new, old, predicted, rtol, &self.tolerances.atol[range.clone()])
+            distance(new, old, predicted, rtol, &atol[range.clone()])
         };
         MARGIN
             * ((part(0..own, self.tolerances.rtol[0]) + part(own..self.size.all, self.tolerances.rtol[1])) / self.tolerances.tested).sqrt()
@@ -473,6 +511,7 @@ impl Variational {
     /// Shortens the next attempt; false.
     fn reject(&mut self, error: f64) -> bool {
         let taken = self.path.inside.time - self.history.times[0];
+        self.pace.rejections += 1;
         let least = if self.history.known == 1 { 1e-3 } else { 0.1 };
         let factor = if error.is_finite() { 0.9 / kernels::pow(error, 1.0 / (self.pace.order + 1) as f64) } else { 0.25 };
         self.pace.length = taken * factor.clamp(least, 0.9);
@@ -519,11 +558,12 @@ impl Variational {
         let time = self.path.inside.time;
         let formula = Formula::new(order, time, &self.history.times);
         combine(&points(&self.history.points), &formula, &mut self.rates, &mut self.predicted);
-        formula.error_of_other(time, &self.history.times) * self.distance()
+        formula.error_of_other(time, &self.history.times) * self.distance(&self.tolerances.atol)
     }
 
     /// The next values become the latest.
     fn accept(&mut self) {
+        self.pace.usual = (FADING * self.pace.usual).max(self.path.inside.time - self.history.times[0]);
         self.history.points.rotate_right(1);
         std::mem::swap(&mut self.history.points[0], &mut self.next);
         self.history.times.rotate_right(1);
@@ -605,6 +645,13 @@ fn tolerances(system: &dyn System, settings: &Settings, integrals: usize) -> (Bo
     };
     let rows = own.chain(std::iter::repeat_n(atol, integrals));
     (rows.flat_map(|atol| std::iter::repeat_n(atol, width)).collect(), [loose * settings.rtol, rtol])
+}
+
+/// These tolerances, infinite for derivatives of algebraic unknowns.
+fn of_states(system: &dyn System, atol: &[f64]) -> Box<[f64]> {
+    let rows = system.differential().iter().take(system.pattern().dimension());
+    let each = rows.flat_map(|&differential| std::iter::repeat_n(differential, system.directions())).chain(std::iter::repeat(true));
+    atol.iter().zip(each).map(|(&atol, differential)| if differential { atol } else { f64::INFINITY }).collect()
 }
 
 #[cfg(test)]
