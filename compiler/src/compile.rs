@@ -54,13 +54,15 @@ pub fn compile(
     options: &Options,
     settings: &BackEndSettings,
 ) -> Result<Compiled, Vec<Diagnostic>> {
-    let before = sources.len();
-    let (model, warnings) = flatten(sources, main, loader, options)?;
-    let imports = (before..sources.len()).map(|i| FileId(i as u16)).collect();
-    let whole = Span { file: main, start: 0, end: 0 };
-    let refused = |error: BackEndError| vec![Diagnostic::error(codes::BACK_END, error.to_string(), whole)];
-    let model = CompiledModel::build(model, settings).map_err(refused)?;
-    Ok(Compiled { model, warnings, imports })
+    on_own_stack(|| {
+        let before = sources.len();
+        let (model, warnings) = flatten(sources, main, loader, options)?;
+        let imports = (before..sources.len()).map(|i| FileId(i as u16)).collect();
+        let whole = Span { file: main, start: 0, end: 0 };
+        let refused = |error: BackEndError| vec![Diagnostic::error(codes::BACK_END, error.to_string(), whole)];
+        let model = CompiledModel::build(model, settings).map_err(refused)?;
+        Ok(Compiled { model, warnings, imports })
+    })
 }
 
 /// Compiles a file of `sources` to a flat model, with the warnings, on a new stack, since a
@@ -305,6 +307,6 @@ fn hoisted(functions: Vec<(Function, Staged)>, model: &mut Model) -> (Vec<(Funct
 }
 
 fn request<'j>(function: Function, staged: &'j Staged, model: &Model, lengths: Lengths, quick: bool) -> Request<'j> {
-    let effort = if function.is_hot() && !quick { Effort::Hot } else { Effort::Lukewarm };
+    let effort = if quick { Effort::Lukewarm } else { function.effort() };
     Request { staged, access: function.access(model, lengths), effort, rank: function.rank() }
 }

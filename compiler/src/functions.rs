@@ -3,6 +3,7 @@
 
 use crate::differentiate::Rows;
 use crate::explicit_time::ExplicitTime;
+use crate::generate::Effort;
 use crate::hoist::Stage;
 use crate::model::{Model, Quantity};
 use crate::schedule::{Access, Staged};
@@ -88,9 +89,13 @@ impl Function {
         )
     }
 
-    /// Returns `true` if the solver calls it in its inner loop.
-    pub(crate) fn is_hot(self) -> bool {
-        matches!(self, Function::Residual | Function::Jacobian | Function::Roots | Function::Bounds | Function::Quadratures)
+    /// Effort of code generation, by how often the solver calls it.
+    pub(crate) fn effort(self) -> Effort {
+        match self {
+            Function::Residual | Function::Jacobian | Function::Quadratures => Effort::Hot,
+            Function::Roots | Function::Bounds => Effort::Warm,
+            _ => Effort::Lukewarm,
+        }
     }
 
     /// Its place among the plans of code generation: the longest first.

@@ -91,6 +91,21 @@ pub(crate) enum Effort {
     Lean,
     /// For functions of a step: quickly compiled.
     Lukewarm,
+    /// For functions that the solver calls once in an internal step: hot, but quickly compiled
+    /// where they are cut into pieces.
+    Warm,
+}
+
+impl Effort {
+    /// The effort for a piece of a function.
+    fn of(self, plan: &Plan, piece: &Piece) -> Effort {
+        match self {
+            Effort::Warm if plan.pieces().len() > 1 => Effort::Lukewarm,
+            Effort::Hot | Effort::Warm if piece.lean => Effort::Lean,
+            Effort::Warm => Effort::Hot,
+            other => other,
+        }
+    }
 }
 
 /// A piece of machine code.
@@ -144,7 +159,7 @@ impl Generator {
         function: &'static str,
         effort: Effort,
     ) -> Result<Code, GenerateError> {
-        let isa = isa(if piece.lean && effort == Effort::Hot { Effort::Lean } else { effort })?;
+        let isa = isa(effort.of(plan, piece))?;
         self.context.clear();
         self.context.set_disasm(self.texts);
         self.context.func = Function::with_name_signature(UserFuncName::default(), signature(isa.default_call_conv()));
@@ -190,7 +205,7 @@ pub(crate) fn target() -> Result<String, GenerateError> {
 
 /// The target of this processor at an effort, made once.
 fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
-    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 3] = [const { OnceLock::new() }; 3];
+    static TARGETS: [OnceLock<Result<OwnedTargetIsa, String>>; 4] = [const { OnceLock::new() }; 4];
     let target = TARGETS[effort as usize].get_or_init(|| make_isa(effort));
     target.as_ref().map_err(|message| GenerateError::Processor(message.clone()))
 }
@@ -198,7 +213,7 @@ fn isa(effort: Effort) -> Result<&'static OwnedTargetIsa, GenerateError> {
 fn make_isa(effort: Effort) -> Result<OwnedTargetIsa, String> {
     let mut flags = settings::builder();
     let options = match effort {
-        Effort::Hot => [("opt_level", "speed"), ("regalloc_algorithm", "backtracking")],
+        Effort::Hot | Effort::Warm => [("opt_level", "speed"), ("regalloc_algorithm", "backtracking")],
         Effort::Lean => [("opt_level", "none"), ("regalloc_algorithm", "backtracking")],
         Effort::Lukewarm => [("opt_level", "none"), ("regalloc_algorithm", "single_pass")],
     };

@@ -328,8 +328,8 @@ impl Maker<'_> {
                 let time = self.exprs.constant(0.37 * f64::from(point));
                 let [a, b] = [a, b].map(|e| {
                     let still = self.exprs.rewrite(e, &mut Rewritten::default(), &mut |_, node| (node == Expr::Time).then_some(time));
-                    let first = (0..MAX_DEPTH as u8).fold(still, |e, d| self.exprs.shift(e, LoopVar(d), 0));
-                    eval_constant(self.exprs, first, &value_of)
+                    // In the first pass of the loops around.
+                    eval_constant(self.exprs, still, &value_of)
                 });
                 matches!((a, b), (Some(a), Some(b)) if (a - b).abs() <= ALIKE * a.abs().max(b.abs()))
             })

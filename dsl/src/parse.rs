@@ -26,7 +26,7 @@ use pest::Parser;
 use crate::diagnostic::{Diagnostic, Faults, codes, did_you_mean};
 use crate::layout::{RawStatement, has_block, layout};
 use crate::span::{FileId, span};
-use crate::stack::SIZES;
+use crate::stack::{SIZES, make_room};
 use crate::syntax::{File, Statement, StatementKind, UnitExpr};
 use crate::words::keywords;
 
@@ -71,8 +71,11 @@ pub fn parse(text: &str, file: FileId) -> Parsed {
     let middle = layout.statements.partition_point(|statement| statement.start < text.len() / 2);
     let (first, second) = layout.statements.split_at(if text.len() < WORTH_A_THREAD { 0 } else { middle });
     let ((mut statements, faults), rest) = thread::scope(|scope| {
-        let helper =
-            (!first.is_empty()).then(|| thread::Builder::new().stack_size(SIZES[1]).spawn_scoped(scope, || parse(first)).ok()).flatten();
+        let help = || {
+            make_room();
+            parse(first)
+        };
+        let helper = (!first.is_empty()).then(|| thread::Builder::new().stack_size(SIZES[1]).spawn_scoped(scope, help).ok()).flatten();
         let rest = parse(second);
         // Without a second thread this one does it all.
         let first = helper.and_then(|helper| helper.join().ok()).unwrap_or_else(|| parse(first));

@@ -47,8 +47,8 @@ pub(super) fn binary(emitter: &mut Emitter<'_>, block: BlockId, f: BinaryFn, a: 
         BinaryFn::Sub => emitter.b.ins().fsub(a, b),
         BinaryFn::Mul => emitter.b.ins().fmul(a, b),
         BinaryFn::Div => emitter.b.ins().fdiv(a, b),
-        BinaryFn::Min => emitter.choose(FloatCC::LessThan, a, b),
-        BinaryFn::Max => emitter.choose(FloatCC::GreaterThan, a, b),
+        BinaryFn::Min => emitter.least(a, b),
+        BinaryFn::Max => emitter.most(a, b),
         BinaryFn::Pow => call(emitter, block, pow_entry(), &[a, b]),
         BinaryFn::Atan2 => call(emitter, block, pow_entry() + 1, &[a, b]),
     }

@@ -108,8 +108,8 @@ impl Emitter<'_> {
         let sum = match op {
             ReduceFn::Sum => self.b.ins().fadd(sum, value),
             ReduceFn::Product => self.b.ins().fmul(sum, value),
-            ReduceFn::Min => self.choose(FloatCC::LessThan, sum, value),
-            ReduceFn::Max => self.choose(FloatCC::GreaterThan, sum, value),
+            ReduceFn::Min => self.least(sum, value),
+            ReduceFn::Max => self.most(sum, value),
         };
         self.forget(inner);
         let next = self.b.ins().iadd_imm_s(counter, 1);

@@ -186,12 +186,26 @@ impl Emitter<'_> {
         self.b.ins().bitselect(mask, a, b)
     }
 
-    /// `a` where it is NaN or compares so with `b`, else `b`.
-    pub(super) fn choose(&mut self, condition: FloatCC, a: Value, b: Value) -> Value {
+    /// `a` where it is NaN or less than `b`, else `b`.
+    pub(super) fn least(&mut self, a: Value, b: Value) -> Value {
         let two = self.b.func.dfg.value_type(a) == types::F64X2;
-        let compares = self.b.ins().fcmp(condition, a, b);
+        // A choice between two values by `<` of the same values is one instruction, also in lanes.
+        let less = self.b.ins().fcmp(FloatCC::LessThan, a, b);
+        let least = self.select(two, less, a, b);
+        self.unless_nan(two, a, least)
+    }
+
+    /// `a` where it is NaN or more than `b`, else `b`.
+    pub(super) fn most(&mut self, a: Value, b: Value) -> Value {
+        let two = self.b.func.dfg.value_type(a) == types::F64X2;
+        let less = self.b.ins().fcmp(FloatCC::LessThan, b, a);
+        let most = self.select(two, less, a, b);
+        self.unless_nan(two, a, most)
+    }
+
+    /// `b` unless `a` is NaN.
+    fn unless_nan(&mut self, two: bool, a: Value, b: Value) -> Value {
         let nan = self.b.ins().fcmp(FloatCC::Unordered, a, a);
-        let first = self.b.ins().bor(compares, nan);
-        self.select(two, first, a, b)
+        self.select(two, nan, a, b)
     }
 }

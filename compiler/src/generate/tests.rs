@@ -261,9 +261,38 @@ fn a_counter_of_lanes_that_a_reduction_binds_again_is_its_own() {
     let x: Vec<f64> = (0..LEN).map(f64::from).collect();
     let sum = |i: usize| (0..4).map(|j| x[28 + i - j]).sum::<f64>();
     let expected: Vec<f64> = (0..4).map(|j| (x[24 + j] + sum(0)) * (x[25 + j] + sum(1))).collect();
-    for effort in [Effort::Hot, Effort::Lukewarm] {
+    for effort in [Effort::Hot, Effort::Warm, Effort::Lukewarm] {
         let [compiled, interpreted] = run_both(&world, &staged, effort, 4, &x);
         assert_eq!((&compiled[2], &interpreted[2]), (&expected, &expected));
+    }
+}
+
+/// The values follow from the definition: the first operand where it is NaN or the smaller (larger)
+/// one, else the second.
+#[test]
+fn extrema_keep_the_bits_of_signed_zeros_and_propagate_nan_in_lanes_and_out_of_them() {
+    let special = [f64::NAN, -0.0, 0.0, 1.5, -1.5, f64::INFINITY, f64::NEG_INFINITY];
+    let pairs: Vec<(f64, f64)> = special.into_iter().flat_map(|a| special.map(|b| (a, b))).collect();
+    // `y'` of the helper is `y` backwards.
+    let numbers = |&(a, b): &(f64, f64)| (0..LEN).map(|i| if i < LEN / 2 { a } else { b }).collect::<Vec<f64>>();
+    for passes in [1, 4] {
+        for f in [BinaryFn::Min, BinaryFn::Max] {
+            let mut world = World::new();
+            let at = Affine::along(0, LoopVar(0), 1);
+            let [a, b] = [Flavour::Value, Flavour::Derivative].map(|flavour| world.model.exprs.load(world.state, flavour, at));
+            let value = world.model.exprs.binary(f, a, b);
+            let nest = Nest { loops: vec![(0, passes)], stores: vec![Store { target: Target::out(at), value }] };
+            let staged = Staged { stages: vec![vec![nest]], in_place: false };
+            for pair in &pairs {
+                let first = pair.0.is_nan() || if f == BinaryFn::Min { pair.0 < pair.1 } else { pair.0 > pair.1 };
+                let expected = if first { pair.0 } else { pair.1 };
+                for effort in [Effort::Hot, Effort::Warm, Effort::Lukewarm] {
+                    let [compiled, _] = run_both(&world, &staged, effort, passes as usize, &numbers(pair));
+                    let right = |x: &f64| x.to_bits() == expected.to_bits() || x.is_nan() && expected.is_nan();
+                    assert!(compiled[2].iter().all(right), "{f:?} of {pair:?}: {:?}", compiled[2]);
+                }
+            }
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use super::{Code, Effort, GenerateError, Generator, Plan, plan};
 use crate::ir::Exprs;
 use crate::layout::Layout;
 use crate::schedule::{Access, Staged};
+use smpl_dsl::stack::make_room;
 
 /// Models with fewer nodes are compiled sooner than a thread has started.
 const WORTH_A_THREAD: usize = 1000;
@@ -104,8 +105,12 @@ fn side_by_side<R: Send + Sync, W: FnMut(usize) -> R>(count: usize, helped: bool
         }
     };
     thread::scope(|scope| {
+        let help = || {
+            make_room();
+            work();
+        };
         // Without a second thread this one does it all.
-        let _ = helped.then(|| thread::Builder::new().spawn_scoped(scope, work));
+        let _ = helped.then(|| thread::Builder::new().spawn_scoped(scope, help));
         work();
     });
     results.into_iter().filter_map(OnceLock::into_inner).collect()
