@@ -18,6 +18,7 @@ mod fast;
 mod first;
 mod initial;
 mod known;
+mod lookup;
 mod math;
 mod names;
 mod order;

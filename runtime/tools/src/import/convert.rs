@@ -1,17 +1,19 @@
 //! From an SBML model to the text of a model of the language.
 
 use std::cell::{Cell, RefCell};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
+use std::mem::Discriminant;
 
 use super::document::{Event, Rule, Sbml, Symbol, SymbolRole, Target};
 use super::initial::First;
+use super::lookup::Lookup;
 use super::math::{DELAY, Math};
 use super::names::Names;
 use super::roles::{self, Role, Roles};
 use super::tickets::Tickets;
 use super::units::{self, Product};
-use super::writer::{Writer, shown};
+use super::writer::{Writer, shown, sum_of};
 use super::xml::Fault;
 
 /// Before the text of a unit that replaces an id.
@@ -28,12 +30,15 @@ pub(super) struct Head<'a> {
 /// A conversion under way.
 pub(super) struct Conversion<'s> {
     pub(super) sbml: &'s Sbml,
+    pub(super) lookup: Lookup<'s>,
     pub(super) roles: Roles,
     pub(super) names: Names,
     time: String,
     pub(super) bare: bool,
     /// Steps of following symbols to their starts, which have a limit.
     pub(super) steps: Cell<u32>,
+    /// The smallest starts of states that do not start at zero, by kind.
+    pub(super) smallest: RefCell<HashMap<Discriminant<SymbolRole>, Option<f64>>>,
     /// Symbols that events set.
     pub(super) targets: HashSet<String>,
     /// The events at the start of a run.
@@ -62,11 +67,13 @@ pub(super) fn write(sbml: &Sbml, head: &Head<'_>) -> Result<String, Fault> {
     let targets = sbml.events.iter().flat_map(Event::targets).map(str::to_owned).collect();
     let mut c = Conversion {
         sbml,
+        lookup: Lookup::of(sbml),
         roles,
         names,
         time,
         bare: head.bare.is_some(),
         steps: Cell::new(0),
+        smallest: RefCell::default(),
         targets,
         first: First::default(),
         tickets: Tickets::default(),
@@ -209,7 +216,7 @@ impl Conversion<'_> {
     }
 
     pub(super) fn symbol(&self, id: &str) -> Option<&Symbol> {
-        self.sbml.symbols.iter().find(|s| s.id == id)
+        self.lookup.symbol(id)
     }
 
     /// Name, unit and text of a declaration.
@@ -455,8 +462,7 @@ impl Conversion<'_> {
     }
 
     fn sum_of_reactions(&self, symbol: &Symbol) -> Result<String, Fault> {
-        let mut sum = String::new();
-        let mut terms = 0;
+        let mut list = Vec::new();
         for reaction in self.sbml.reactions.iter().filter(|reaction| !reaction.fast) {
             for part in reaction.parts.iter().filter(|p| p.species == symbol.id) {
                 let rate = self.names.of(&reaction.id);
@@ -465,17 +471,10 @@ impl Conversion<'_> {
                     Math::Number(x, _) => (part.sign * x, format!("{}*{rate}", shown(x.abs()))),
                     other => (part.sign, format!("{}*{rate}", self.factor(part.at, &self.checked(part.at, other)?)?)),
                 };
-                let minus = sign < 0.0;
-                match (terms, minus) {
-                    (0, false) => {}
-                    (0, true) => sum.push('-'),
-                    (_, false) => sum.push_str(" + "),
-                    (_, true) => sum.push_str(" - "),
-                }
-                sum.push_str(&term);
-                terms += 1;
+                list.push((sign < 0.0, term));
             }
         }
+        let (terms, sum) = (list.len(), sum_of(&list));
         let SymbolRole::Species { amount, factor, .. } = &symbol.kind else { return Ok("0".into()) };
         let per_size = !*amount && !self.roles.amounts.contains(&symbol.id);
         let size = self.compartment_name(symbol).filter(|_| per_size);

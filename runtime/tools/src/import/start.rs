@@ -167,9 +167,13 @@ impl Conversion<'_> {
         };
         let kind = std::mem::discriminant(&symbol.kind);
         let others = || {
-            let alike =
-                self.sbml.symbols.iter().filter(|s| std::mem::discriminant(&s.kind) == kind && self.roles.of(&s.id) == Some(Role::State));
-            alike.filter_map(own).min_by(f64::total_cmp)
+            let known = self.smallest.borrow().get(&kind).copied();
+            known.unwrap_or_else(|| {
+                let alike = self.sbml.symbols.iter().filter(|s| std::mem::discriminant(&s.kind) == kind);
+                let found = alike.filter(|s| self.roles.of(&s.id) == Some(Role::State)).filter_map(own).min_by(f64::total_cmp);
+                self.smallest.borrow_mut().insert(kind, found);
+                found
+            })
         };
         own(symbol).or_else(others).map(|x| 10_f64.powf(x.log10().floor()))
     }
@@ -186,9 +190,7 @@ impl Conversion<'_> {
         if depth > DEEPEST || !self.goes_on() {
             return None;
         }
-        let rule = self.sbml.rules.iter().find(|r| matches!(&r.target, Target::Assignment(own) if own == id)).map(|r| &r.math);
-        let rate = self.sbml.reactions.iter().find(|r| r.id == id).map(|r| &r.rate);
-        if let Some(math) = rule.or_else(|| self.sbml.initial.get(id)).or(rate) {
+        if let Some(math) = self.lookup.value(id) {
             return math.value(&mut |name| self.start_value(name, depth + 1));
         }
         let symbol = self.symbol(id)?;

@@ -4,6 +4,30 @@ use std::fmt::Write as _;
 
 use super::math::{DELAY, Math};
 
+/// Terms of a sum that is written without groups.
+const LONGEST: usize = 100;
+
+/// A sum of terms, `true` for negative ones.
+///
+/// A long sum is in groups, because a flat one is as deep as it has terms.
+pub(super) fn sum_of(terms: &[(bool, String)]) -> String {
+    if terms.len() > LONGEST {
+        let groups: Vec<_> = terms.chunks(LONGEST).map(|group| (false, format!("({})", sum_of(group)))).collect();
+        return sum_of(&groups);
+    }
+    let mut sum = String::new();
+    for (i, (minus, term)) in terms.iter().enumerate() {
+        sum.push_str(match (i, minus) {
+            (0, false) => "",
+            (0, true) => "-",
+            (_, false) => " + ",
+            (_, true) => " - ",
+        });
+        sum.push_str(term);
+    }
+    sum
+}
+
 /// Binding strength of an expression.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
