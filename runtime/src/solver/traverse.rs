@@ -503,8 +503,8 @@ pub(crate) trait Traverse {
             return Ok(false);
         }
         self.evaluate_roots(time)?;
-        self.measure_noise(time)?;
         if self.watched().0.is_at_threshold() {
+            self.measure_noise(time)?;
             let ahead = self.span(AHEAD);
             self.evaluate_along(ahead, true)?;
             if !self.watched().0.look_ahead() {
