@@ -466,3 +466,15 @@ def test_longer_training_is_compared_on_the_common_episodes(tmp_path):
         "3",
         "+2, +0",
     ]
+
+
+def test_rows_with_other_drawn_parameters_in_the_test_are_refused():
+    def drawn(suite, controller, k, ranges):
+        one = result(suite, controller, k, [1.0, 2.0])
+        settings = {"randomize": ranges}
+        return dataclasses.replace(one, configuration={**one.run.described(), "settings": settings})
+
+    same = [drawn("control", "nominal", k, {"k": [1, 2]}) for k in range(3)]
+    assert compare("Tank", [*same, *(drawn("online", "PPO", k, {"k": [1, 2]}) for k in range(3))]) is not None
+    with pytest.raises(ValueError, match="different arguments"):
+        compare("Tank", [*same, *(drawn("online", "PPO", k, {"k": [1, 3]}) for k in range(3))])

@@ -68,9 +68,16 @@ def common_rows(results: Iterable[Result], episodes: int, seeds: int = SEEDS) ->
         chosen = [found[k] for k in range(seeds)]
         returns = np.array([one.scores["returns"][:episodes] for one in chosen], dtype=np.float64)
         starts = tuple(one.run.seed for one in chosen)
-        rows.append(Row(suite, controller, returns, starts, dict(chosen[0].run.arguments), chosen))
+        rows.append(Row(suite, controller, returns, starts, _task(chosen[0]), chosen))
     check_same(rows)
     return rows, left
+
+
+def _task(one: Result) -> dict[str, Any]:
+    """Arguments of the environment and drawn parameters of the test, as the run had them."""
+    made = one.configuration or one.run.described()
+    drawn = made["settings"].get("randomize")
+    return {**made["arguments"], **({"randomize": drawn} if drawn else {})}
 
 
 def check_same(rows: Sequence[Row]) -> None:
