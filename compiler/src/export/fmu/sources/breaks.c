@@ -23,7 +23,7 @@ static int mark(smpl_instance *s, double time, int level)
     return 1;
 }
 
-/* Whether an element has the dead time of one before it: its breaks are the same. */
+/* Returns 1 if an element has the dead time of one before it: its breaks are the same. */
 static int repeats(const smpl_instance *s, int element)
 {
     if (call_of(element)->varies) return 1;

@@ -15,7 +15,7 @@
 /* Where an instance is. */
 typedef enum { INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, STEP, TERMINATED } smpl_mode;
 
-/* Numbers that change beside the vectors. */
+/* Numbers that change apart from the vectors. */
 typedef struct {
     smpl_mode mode;
     double time;          /* of the FMU */

@@ -139,7 +139,7 @@ void smpl_look_back(smpl_instance *s, double clock, const double *y, const doubl
     }
 }
 
-/* Says which past would be needed, where a step failed for want of it. */
+/* Reports the past that a failed step would have needed. */
 int smpl_say_lost(smpl_instance *s)
 {
     const int lost = s->lost;
@@ -216,7 +216,7 @@ static int push(smpl_instance *s, double from, double begin, double to)
     return 1;
 }
 
-/* Whether the last terms of the polynomials of the last piece are small, in parts of the size of each value. */
+/* Returns 1 if the last terms of the polynomials of the last piece are small, in parts of the size of each value. */
 static int is_resolved(const smpl_instance *s)
 {
     const double *piece = piece_at(s, s->now.pieces - 1);
@@ -297,7 +297,7 @@ static int record_span(smpl_instance *s, const smpl_span *span, double begin, do
     return 1;
 }
 
-/* Whether a dead time is one that the element can have. */
+/* Returns 1 if a dead time is one that the element can have. */
 int smpl_allows(smpl_instance *s, int element, double lag)
 {
     const smpl_delay *call = call_of(element);

@@ -59,7 +59,7 @@ void smpl_forget_old(smpl_instance *s, double time);
 void smpl_forget_new(smpl_instance *s, double time);
 /* Says that the past has no room, and returns 0. */
 int smpl_past_full(smpl_instance *s, double time);
-/* Whether a dead time is one that the element can have. */
+/* Returns 1 if a dead time is one that the element can have. */
 int smpl_allows(smpl_instance *s, int element, double lag);
 /* Finds the shortest dead time. */
 void smpl_measure(smpl_instance *s);

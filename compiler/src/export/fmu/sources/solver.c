@@ -301,7 +301,7 @@ static double longest(const smpl_progress *now)
 #endif
 }
 
-/* Whether the past that a step reads is kept; says so if not. */
+/* Returns 1 if the past that a step reads is kept; reports it if not. */
 static int is_known(smpl_instance *s)
 {
 #if SMPL_DELAYS

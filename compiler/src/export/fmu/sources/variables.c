@@ -213,7 +213,7 @@ MISSING(GetAdjointDerivative, "adjoint derivatives", const fmi3ValueReference *u
         const fmi3ValueReference *knowns, size_t known_count, const fmi3Float64 *seed, size_t seed_length, fmi3Float64 *sensitivity,
         size_t length)
 
-/* A saved state: the numbers that change beside the vectors, then the vectors, and the past of delayed expressions. */
+/* A saved state: the numbers that change apart from the vectors, then the vectors, and the past of delayed expressions. */
 #define SAVED (sizeof(smpl_progress) + SMPL_KEPT * sizeof(double))
 
 /* Bytes of a saved state. */
