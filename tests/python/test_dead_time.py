@@ -26,6 +26,13 @@ state y = 1
 eq d/dt y = -delay(y, tau) / 1 [s]
 solver { rtol = 1e-9 }
 """
+# Its dead times, ends and values there: sums over k of (-1)^k (t - (k - 1) tau)^k / k!.
+PUBLISHED = [
+    (1.0, 5.0, 0.158333333333),
+    (0.1, 2.0, 0.107540393546),
+    (0.01, 2.0, 0.132621765180),
+    (0.001, 2.0, 0.135064544957),
+]
 
 
 def compiled(source: str, interval: float, steps: int) -> smpl.Model:
@@ -66,17 +73,8 @@ def by_steps(rates: Callable, before: Callable, lag: float, end: float) -> Calla
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("steps", [1, 7, 40])
-@pytest.mark.parametrize(
-    ("tau", "end", "expected"),
-    [
-        (1.0, 5.0, 0.158333333333),
-        (0.1, 2.0, 0.107540393546),
-        (0.01, 2.0, 0.132621765180),
-        (0.001, 2.0, 0.135064544957),
-    ],
-)
+@pytest.mark.parametrize(("tau", "end", "expected"), PUBLISHED)
 def test_a_delayed_decay_has_the_published_values_for_any_step(method, steps, tau, end, expected):
-    # Sums over k of (-1)^k (t - (k - 1) tau)^k / k!.
     found = final(DECAY, end, steps, method, parameters={"tau": tau})
     assert found[0] == pytest.approx(expected, rel=2e-7 if method == "ida" else 2e-8)
 

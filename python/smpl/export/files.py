@@ -31,8 +31,10 @@ def json(model: Model) -> dict[str, Any]:
     return _json.loads(text(model, "json")["json"])
 
 
-def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]:
+def write(model: Model, target: str, path: str | os.PathLike[str], *, history: int | None = None) -> list[Path]:
     """Writes an export as `smpl export --to TARGET -o PATH` does; further files are next to it.
+
+    Arguments are those of `text`.
 
     Returns:
         The files, the main one first.
@@ -41,7 +43,7 @@ def write(model: Model, target: str, path: str | os.PathLike[str]) -> list[Path]
         ValueError: as for `text`.
     """
     main = Path(path)
-    files = dict(model.native.export(target, main.stem))
+    files = dict(model.native.export(target, main.stem, _history(history)))
     paths = [main, *(main.with_suffix(f".{ending}") for ending in list(files)[1:])]
     for file, content in reversed(list(zip(paths, files.values(), strict=True))):
         _write_whole(file, content.encode())
