@@ -341,8 +341,22 @@ pub(crate) fn eval_at(
     counters: &mut [i64; MAX_DEPTH],
     value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
 ) -> Option<f64> {
-    evaluate(exprs, expr, counters, value_of, &mut FastMap::default())
+    evaluate(exprs, expr, counters, (value_of, &|_, _| None), &mut FastMap::default())
 }
+
+/// The value of an expression at counters of zero, in which nodes have other values: `other` gives
+/// one for a node and the values of its operands, or nothing.
+pub(crate) fn eval_otherwise(
+    exprs: &Exprs,
+    expr: ExprId,
+    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
+    other: &dyn Fn(Expr, [f64; 3]) -> Option<f64>,
+) -> Option<f64> {
+    evaluate(exprs, expr, &mut [0; MAX_DEPTH], (value_of, other), &mut FastMap::default())
+}
+
+/// Values of places in memory, and of nodes by the values of their operands.
+type Known<'a> = (&'a dyn Fn(VarId, Flavour, i64) -> Option<f64>, &'a dyn Fn(Expr, [f64; 3]) -> Option<f64>);
 
 /// Evaluates at given counters; `known` holds the values at these counters. Only reductions
 /// recurse, at most as deep as loops nest.
@@ -350,7 +364,7 @@ fn evaluate(
     exprs: &Exprs,
     expr: ExprId,
     counters: &mut [i64; MAX_DEPTH],
-    value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
+    (value_of, other): Known<'_>,
     known: &mut FastMap<ExprId, f64>,
 ) -> Option<f64> {
     let mut stack = vec![expr];
@@ -373,6 +387,10 @@ fn evaluate(
         for (slot, o) in operands.iter_mut().zip(exprs.operands(top)) {
             *slot = known.get(&o).copied().unwrap_or(f64::NAN);
         }
+        if let Some(value) = other(node, operands) {
+            known.insert(top, value);
+            continue;
+        }
         let value = match node {
             Expr::Const(bits) => f64::from_bits(bits),
             Expr::Truth(t) => f64::from(u8::from(t)),
@@ -385,7 +403,7 @@ fn evaluate(
                 let mut sum = op.identity();
                 for i in 0..extent {
                     counters[d] = i64::from(i);
-                    sum = op.binary().apply(sum, evaluate(exprs, body, counters, value_of, &mut FastMap::default())?);
+                    sum = op.binary().apply(sum, evaluate(exprs, body, counters, (value_of, other), &mut FastMap::default())?);
                 }
                 counters[d] = outer;
                 sum

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::enclose::Encloser;
 use crate::explicit_time::{ExplicitTime, Looped};
-use crate::interpret::eval_constant;
+use crate::interpret::eval_otherwise;
 use crate::ir::{
     Affine, BinaryFn, Compare, Expr, ExprId, Exprs, FastMap, FastSet, Flavour, List, LoopVar, MAX_DEPTH, Rewritten, Role, Side, UnaryFn,
     VarId,
@@ -33,6 +33,9 @@ const EFFORT: usize = 1 << 18;
 
 /// Relative difference of two values that are one.
 const ALIKE: f64 = 1e-9;
+
+/// Points at which the forms of other switches are tried.
+const FORMS: u32 = 6;
 
 /// Points of a table whose forms are compared at most.
 const POINTS: u32 = 64;
@@ -316,24 +319,75 @@ impl Maker<'_> {
         found
     }
 
-    /// Returns whether two expressions have the same value, tried at two points.
+    /// Returns whether two expressions have the same value. A factor that is zero at a point would
+    /// hide a jump: other switches are tried in other forms, too.
     fn agree(&mut self, a: ExprId, b: ExprId) -> bool {
         if a == b {
             return true;
         }
         self.left = self.left.saturating_sub(2 * self.exprs.below([a, b]).count());
+        let value = |e, point, free| value_at(self.exprs, e, point, free);
         self.left > 0
-            && [1, 2].into_iter().all(|point| {
-                let value_of = |var: VarId, flavour: Flavour, at: i64| Some(somewhere(point, var, flavour, at));
-                let time = self.exprs.constant(0.37 * f64::from(point));
-                let [a, b] = [a, b].map(|e| {
-                    let still = self.exprs.rewrite(e, &mut Rewritten::default(), &mut |_, node| (node == Expr::Time).then_some(time));
-                    // In the first pass of the loops around.
-                    eval_constant(self.exprs, still, &value_of)
-                });
-                matches!((a, b), (Some(a), Some(b)) if (a - b).abs() <= ALIKE * a.abs().max(b.abs()))
+            && (1..=2).all(|point| {
+                let both = (value(a, point, false), value(b, point, false));
+                matches!(both, (Some(a), Some(b)) if alike(a, b))
             })
+            && !forms_differ(self.exprs, a, b)
     }
+}
+
+/// Returns whether two expressions differ with other switches in some of their forms.
+pub(crate) fn forms_differ(exprs: &Exprs, a: ExprId, b: ExprId) -> bool {
+    (1..=FORMS).any(|point| match (value_at(exprs, a, point, true), value_at(exprs, b, point, true)) {
+        (Some(a), Some(b)) => a.is_finite() && b.is_finite() && !alike(a, b),
+        // A form outside of its range.
+        _ => false,
+    })
+}
+
+/// Returns whether two values are one.
+fn alike(a: f64, b: f64) -> bool {
+    (a - b).abs() <= ALIKE * a.abs().max(b.abs())
+}
+
+/// The value of an expression at a point, in the first pass of the loops around; `free`: with
+/// switches in one of their forms, rather in one that moves.
+fn value_at(exprs: &Exprs, e: ExprId, point: u32, free: bool) -> Option<f64> {
+    let value_of = |var: VarId, flavour: Flavour, at: i64| Some(somewhere(point, var, flavour, at));
+    let some = |seed: u32| ((seed ^ point.rotate_left(16)).wrapping_mul(0x9e37_79b1) ^ point).wrapping_mul(0x85eb_ca6b) >> 8;
+    let second_of = |a: ExprId, b: ExprId| {
+        let rank = |e| match exprs.as_const(e) {
+            None => 2,
+            Some(0.0) => 0,
+            Some(_) => 1,
+        };
+        if rank(a) == rank(b) { some(a.as_u32() ^ b.as_u32().rotate_left(9)) & 1 == 1 } else { rank(b) > rank(a) }
+    };
+    let other = |node: Expr, [x, y, z]: [f64; 3]| match node {
+        Expr::Time => Some(0.37 * f64::from(point)),
+        _ if !free => None,
+        Expr::Select(c, a, b) if !decided(exprs, c) => Some(if second_of(a, b) { z } else { y }),
+        Expr::Binary(BinaryFn::Min | BinaryFn::Max, a, b) => Some(if second_of(a, b) { y } else { x }),
+        Expr::Unary(UnaryFn::Floor | UnaryFn::Ceil | UnaryFn::Round, _) => Some(x + f64::from(some(7)) / f64::from(1 << 24)),
+        // An entry of a table where nothing is known of the place: some number.
+        Expr::Entry(list, index) if exprs.as_const(index).is_none() => Some(0.5 + f64::from(some(list.first)) / f64::from(1 << 24)),
+        _ => None,
+    };
+    eval_otherwise(exprs, e, &value_of, &other)
+}
+
+/// Returns whether a condition compares numbers only, or something with itself.
+fn decided(exprs: &Exprs, condition: ExprId) -> bool {
+    let mut stack = vec![condition];
+    while let Some(e) = stack.pop() {
+        match exprs.node(e) {
+            Expr::Truth(_) => {}
+            Expr::Compare(_, a, b) if a == b => {}
+            Expr::Not(_) | Expr::And(..) | Expr::Or(..) => stack.extend(exprs.operands(e)),
+            _ => return false,
+        }
+    }
+    true
 }
 
 /// A number between 0.5 and 1.5 for a place in memory.

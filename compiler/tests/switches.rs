@@ -11,6 +11,7 @@ fn rate(rate: &str) -> CompiledModel {
         "time t : 1
          table steps : 1 over q : 1 from {{ 0: 0, 1: 2, 3: 5 }}
          table lines : 1 over q : 1 linear {{ 0: 0, 1: 2, 3: 5 }}
+         table late : 1 over t : 1 until {{ 10: 0, 30: 3 }}
          param a = 1.5
          action u = 1 in 0..2
          state x = 0
@@ -62,6 +63,28 @@ fn branches_that_meet_at_the_threshold_are_kinks() {
     // The absolute value is another one.
     assert_eq!(switches("sign(x - k)*sqrt(abs(x - k))"), (0, 2));
     assert_eq!(switches("lines(x)"), (0, 3));
+}
+
+#[test]
+fn a_factor_that_is_zero_somewhere_hides_no_jump() {
+    let jump = "(if x > a then 1 else 0.15)";
+    // Jumps and kinks of the factor itself.
+    let factors = [
+        ("max(t - 10, 0)", 1),
+        ("max(k - 10, 0)", 1),
+        ("min(k + 10, 0)", 1),
+        ("lines(k + 10)", 3),
+        ("(if k > 7 then k - 7 else 0)", 1),
+        ("(if k > 7 and t < 30 then k - 7 else 0)", 1),
+    ];
+    for (factor, own) in factors {
+        let (jumps, kinks) = switches(&format!("{jump}*{factor}"));
+        let (of_factor, bends) = switches(factor);
+        assert_eq!((jumps, kinks), (1 + of_factor, bends), "{factor}");
+        assert!(of_factor + bends >= own, "{factor}");
+    }
+    assert_eq!(switches(&format!("{jump}*late(t)")), (1, 0));
+    assert_eq!(switches(&format!("{jump}*floor(t/100)")).0, 1 + switches("floor(t/100)").0);
 }
 
 #[test]

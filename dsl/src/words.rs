@@ -26,7 +26,7 @@ const STATEMENTS: &[(&str, Option<&str>)] = &[
     ("component", None),
     ("port", Some("port inlet, outlet : Stream")),
     ("connect", Some("connect M1.outlet -> R1.inlet")),
-    ("initial", Some("initial x ~ uniform(0, 1) clip bounds")),
+    ("initial", Some("initial x = 2, initial x ~ uniform(0, 1), initial eq p = 2 [bar], or initial d/dt x = 0")),
     ("steady", Some("name = value, between `{` and `}`")),
     ("observe", None),
     ("level", Some("level name { observe x }")),

@@ -117,7 +117,7 @@ impl Diagnosis {
         const SHOWN: usize = 8;
         let mut system = setup.system.clone();
         system.restore(environment.memory().all());
-        let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: environment.time() };
+        let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: environment.time(), discretes: None };
         let Structure { blocks } = start::structure(&mut system, context, y);
         self.blocks = blocks
             .iter()

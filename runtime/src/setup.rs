@@ -2,6 +2,7 @@
 //! state.
 
 use std::collections::{BTreeMap, HashSet};
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use smpl_compiler::artefact;
@@ -19,7 +20,8 @@ mod starts;
 pub(crate) use self::corrections::Corrections;
 pub use self::options::{EnvironmentOptions, SolverOverrides};
 use self::reads::{
-    algebraics_read_rates, any_expression, discrete_passes, finish_reads_derivatives, reads, start_passes, step_reads_steady,
+    algebraics_read_rates, any_expression, discrete_passes, discretes_read_unknowns, finish_reads_derivatives, initial_reads, reads,
+    start_passes, step_reads_steady,
 };
 pub use self::starts::start_diagnostics;
 use crate::catalogue::{Catalogue, Element, UnknownName};
@@ -107,6 +109,10 @@ pub(crate) struct Programs {
     /// Most passes in which start values that read discrete variables or disturbances settle; 0
     /// without such values.
     pub discrete_passes: usize,
+    /// States whose initial values read states: places of the former and of the latter in `y`.
+    pub initial_reads: Vec<(Range<usize>, Range<usize>)>,
+    /// Initial values of discrete variables read unknowns.
+    pub discretes_read_unknowns: bool,
 }
 
 impl Programs {
@@ -119,6 +125,8 @@ impl Programs {
             derivatives_at_end: finish_reads_derivatives(model) || !model.interface().tests.is_empty(),
             start_passes: start_passes(model),
             discrete_passes: discrete_passes(model),
+            initial_reads: initial_reads(model),
+            discretes_read_unknowns: discretes_read_unknowns(model),
         }
     }
 }

@@ -50,6 +50,9 @@ pub(crate) struct Context<'a> {
     pub sources: Option<&'a SourceMap>,
     /// Time of the start.
     pub time: f64,
+    /// Discrete variables that are given, by their places, where the initial values of others
+    /// follow the unknowns.
+    pub discretes: Option<&'a [(usize, f64)]>,
 }
 
 /// Blocks of the algebraic equations in the order of their solution: places in `y` of the unknowns
@@ -76,20 +79,41 @@ pub(crate) fn solve(system: &mut CompiledSystem, context: Context<'_>, sought: S
     };
     let mut pace = Pace::default();
     let whole = Block { rows: (0..problem.len()).collect(), unknowns: (0..problem.len()).collect() };
+    // Blocks do not know what acts through other instants: all equations, by differences.
+    problem.by_differences = problem.acts_through_instants();
+    let through_instants = problem.by_differences;
     if Search::new(&mut problem, &whole, &mut pace).guessed(y) {
+        problem.evaluate(y);
         return Ok(());
     }
     y.copy_from_slice(&guess);
+    problem.by_differences = false;
     for (number, block) in blocks.iter().enumerate() {
-        let mut search = Search::new(&mut problem, block, &mut pace);
-        match search.run(y) {
-            SearchEnd::Solved => {}
-            SearchEnd::Interrupted => return Err(StartError::Interrupted),
-            SearchEnd::Failed(trail) => {
-                let failure = report::failure(&mut problem, block, (number + 1, blocks.len()), (&guess, y), trail);
-                return Err(StartError::Block(Box::new(failure)));
-            }
+        let end = Search::new(&mut problem, block, &mut pace).run(y);
+        if !matches!(end, SearchEnd::Failed(_)) || !through_instants {
+            finish(&mut problem, block, (number + 1, blocks.len()), (&guess, y), end)?;
         }
     }
+    if through_instants {
+        problem.by_differences = true;
+        let end = Search::new(&mut problem, &whole, &mut pace).run(y);
+        finish(&mut problem, &whole, (1, 1), (&guess, y), end)?;
+        problem.evaluate(y);
+    }
     Ok(())
+}
+
+/// The end of the search for a block, by its number, from the guess to the point where it ended.
+fn finish(
+    problem: &mut Problem<'_>,
+    block: &Block,
+    number: (usize, usize),
+    points: (&[f64], &[f64]),
+    end: SearchEnd,
+) -> Result<(), StartError> {
+    match end {
+        SearchEnd::Solved => Ok(()),
+        SearchEnd::Interrupted => Err(StartError::Interrupted),
+        SearchEnd::Failed(trail) => Err(StartError::Block(Box::new(report::failure(problem, block, number, points, trail)))),
+    }
 }

@@ -13,7 +13,7 @@
 //! their derivatives.
 
 mod bounds;
-mod delays;
+pub(crate) mod delays;
 mod discretes;
 mod error;
 mod frames;

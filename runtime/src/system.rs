@@ -102,6 +102,11 @@ impl CompiledSystem {
         }
     }
 
+    /// Returns whether the equations read delayed values.
+    pub(crate) fn looks_back(&self) -> bool {
+        self.past.is_some()
+    }
+
     /// From now on there is no past: delayed values are the present ones.
     pub(crate) fn rest_past(&mut self) {
         self.past.iter_mut().for_each(|past| past.rest());

@@ -699,6 +699,26 @@ fn a_jump_behind_two_conditions_ends_the_episode() {
     }
 }
 
+/// The factor is zero until 20 s, as wherever the forms of the switch are tried. Until then a' is
+/// 0.001/1.5, then (0.15 + 0.002)/3, by which a passes 1.05 at 20 s + 11/15.2 s.
+#[test]
+fn a_jump_with_a_factor_that_is_zero_elsewhere_ends_the_episode() {
+    let text = "state a = 1\nstate b = 2\nstate k = 0\nvar w : 1/s\neq d/dt k = 1 [1/s]\n\
+                eq d/dt a = 0.001 [1/s] + w\neq d/dt b = 2*w\n\
+                eq a + b = 3 + (if a > 1.05 then 1 else 0.15)*max(k - 20, 0)";
+    for method in METHODS {
+        for steps in [1, 7] {
+            let mut environment = environment(text, method, (30.0, steps));
+            environment.reset(Some(0), &ResetOptions::default()).expect("a start");
+            while environment.is_running() {
+                environment.step(&[]).expect("a step");
+            }
+            let (time, message) = (environment.time(), environment.failure_message());
+            assert!((time - 20.0 - 11.0 / 15.2).abs() < 1e-5 && message.starts_with("jump_by_a: "), "{method}, {steps}: {time} {message}");
+        }
+    }
+}
+
 /// V*(1 + c*max(x - 1.5, 0)) = 1 + t with x = t and c = 0.5.
 #[test]
 fn an_expression_that_is_continuous_for_all_parameters_is_differentiated() {

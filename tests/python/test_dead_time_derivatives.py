@@ -421,3 +421,27 @@ def test_a_delayed_unknown_of_a_constraint_has_derivatives_by_its_dead_time(meth
     assert found.states[:, 0] == pytest.approx(contact(1.31, actions, step)[:, 0], abs=1e-6)
     assert found.dx_dp[:, 0, 0] == pytest.approx(exact[:, 0], abs=1e-5)
     assert found.dy_dp[:, :, 0] == pytest.approx(exact, abs=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("theta", [3, 7, 7.3, 8])
+@pytest.mark.parametrize("step", [5, 7.3, 15])
+def test_samples_of_a_delayed_state_have_derivatives_whatever_the_steps(method, theta, step):
+    """u follows h - theta s ago every 5 s; both are linear in the start of h, by which differences are exact."""
+    source = f"""
+model Sampled
+time t : s
+state h = 1 in -100..100
+discrete u = 1
+eq d/dt h = (u - h)/10 [s]
+at every 5 [s] {{ next u = 1.5 - 0.5*delay(h, {theta} [s]) }}
+observe h
+solver {{ rtol = 1e-9 }}
+episode {{ step = {step} [s], max_steps = 80 }}
+"""
+    model = smpl.compile(source=source)
+    actions = np.zeros((12, 0))
+    found = model.linearize_rollout([2.0], actions, method=method).dx_dx[:, 0, 0]
+    low, high = (model.rollout([start], actions, method=method).states[0, 1:, 0] for start in (1.0, 3.0))
+    assert found == pytest.approx((high - low) / 2, abs=1e-7)
+    assert max(abs(found)) > 1e-2

@@ -101,6 +101,67 @@ def test_part_of_the_plant_starts_at_rest():
     assert found["m"] == 0.1
 
 
+def delayed_pair(gain, of):
+    """x' = 3 - x + gain*y, y' = x - y, where each reads the other one as `of` says."""
+    return f"""
+time t : s
+state x = 1 in 0..1000
+state y = 1 in 0..1000
+discrete kept = y
+eq d/dt x = (3 - x + {gain}*{of("y")})/1 [s]
+eq d/dt y = ({"x" if "kept" in of("y") else of("x")} - y)/1 [s]
+initial steady for (x, y)
+observe x
+episode {{ step = 0.5 [s], max_steps = 4 }}
+"""
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.95, -3])
+@pytest.mark.parametrize("of", ["delay({}, 2 [s])", "sampled({})", "initial({})", "kept"])
+def test_part_of_the_plant_rests_where_it_acts_through_a_dead_time_a_sample_or_a_discrete_variable(of, gain):
+    source = delayed_pair(gain, of.format)
+    found = start(source)
+    assert [found["x"], found["y"]] == pytest.approx([3 / (1 - gain)] * 2, rel=1e-12)
+    model = smpl.compile(source=source)
+    env = smpl.Env(model)
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step(np.zeros(0))
+    assert env.state == pytest.approx([3 / (1 - gain)] * 2, rel=1e-12)
+
+
+def test_an_integrator_behind_a_dead_time_starts_at_rest():
+    """The level itself is not in the condition, only what it was."""
+    source = """
+time t : s
+state level = 1 in 0..100
+eq d/dt level = (4 - 2*delay(level, 3 [s]))/1 [s]
+initial steady for level
+observe level
+"""
+    assert start(source)["level"] == pytest.approx(2, rel=1e-12)
+
+
+def test_a_declared_value_that_reads_what_a_condition_determines_is_refused():
+    source = """
+time t : s
+state x = 1 in 0..10
+state z = 2*x in 0..100
+eq d/dt x = (3 - x)/1 [s]
+eq d/dt z = -z/10 [s]
+initial steady for x
+{more}
+observe x
+"""
+    with pytest.raises(
+        smpl.SimulationError, match="the declared value of `z` reads `x`, which a condition at the start determines"
+    ):
+        start(source.format(more=""))
+    assert start(source.format(more="initial eq z = 2*x"))["z"] == pytest.approx(6, rel=1e-12)
+    assert start(source.format(more=""), state={"z": 5})["z"] == 5
+    assert start(source.format(more=""), state={"x": 1.5})["z"] == 2
+
+
 def test_a_rate_is_given_at_the_start():
     found = start(CSTR.format(conditions="initial d/dt T = 0.6 [1/min]"))
     right = scipy.optimize.brentq(lambda temperature: rates(0.9, temperature)[1] - 0.6, 0.1, 1, xtol=1e-14)

@@ -477,6 +477,28 @@ def test_a_derivative_across_a_pulse_found_inside_of_a_step_is_that_of_its_area(
     assert differences == pytest.approx(-area / 1.3**2, rel=1e-3, abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("factor", "area"),
+    [
+        ("late(t)", lambda begin, end: 3 * (end - max(begin, 5))),
+        ("max(t - 5, 0)", lambda begin, end: ((end - 5) ** 2 - (begin - 5) ** 2) / 2),
+        ("max(k - 5, 0)", lambda begin, end: ((end - 5) ** 2 - (begin - 5) ** 2) / 2),
+        ("(if k > 5 then 2 else 0)", lambda begin, end: 2 * (end - begin)),
+    ],
+)
+def test_a_derivative_across_a_jump_counts_where_a_factor_is_zero_elsewhere(factor, area):
+    """A factor that is 0 until t = 5; x is its integral, 0.15 times it until th = 9.1 at t = 7."""
+    text = (
+        "table late over t : 1 until { 5: 0, 30: 3 }\nstate k = 0\neq d/dt k = 1\n"
+        f"{PARAMETER}\nstate x = 0\neq d/dt x = (if th > 9.1 then 1 else 0.15)*{factor}"
+    )
+    value, found, differences = derivative(text, "x")
+    assert value == pytest.approx(0.15 * area(5, 7) + area(7, 20), rel=1e-7)
+    height = area(7 - 1e-6, 7 + 1e-6) / 2e-6
+    assert found == pytest.approx(0.85 * height * 9.1 / 1.3**2, rel=1e-5)
+    assert differences == pytest.approx(found, rel=1e-4)
+
+
 # x = t; the places are those at which one of the two estimates of the error of an explicit step vanishes, and others.
 PLACES = np.concatenate([[0.6647, 0.9212, 0.5931, 0.3923, 0.9763], np.random.default_rng(5).random(25)])
 

@@ -197,6 +197,10 @@ fn slip(before: &str, after: &str, keyword: &str) -> Option<String> {
         _ if next.is_ascii_digit() && ends_in_decimal_comma(before) => "decimals follow a point: `1.5`; a comma separates declarations",
         "&" | "&&" => "write `and`",
         "|" => "write `or`",
+        "elseif" | "elsif" | "elif" | "ELSEIF" => "write `else if`",
+        "then" if keyword == "when" && !before.contains("==") => {
+            "an event is declared by `event name when condition`; what happens then is in `at name { ... }`"
+        }
         "!" => "write `not`",
         ";" => "entries are separated by commas or newlines",
         "(" if keyword == "use" && !before.contains(" as ") => "arguments follow the name of the instance: `use Bed as B(n = 2)`",
@@ -269,6 +273,11 @@ pub(super) fn statement_hint(word: &str, text: &str, around: &str) -> Option<Str
         "function" | "fn" => "a function is declared with `def`",
         "import" | "include" => "a file is imported with `use \"file.eq\"`",
         "init" => "initial values are set with `initial`",
+        "reinit" => "at an instant a state is set by `reset x = ...`",
+        "Real" | "Integer" | "Boolean" => "an unknown is declared with `state` where it has a rate, else with `var`",
+        "extends" => "a component builds on another one by `component B extends A { ... }`",
+        "annotation" => "a text that describes follows a declaration in double quotes; there are no annotations",
+        "flow" => "a flow is declared in its connector: `connector Heat { T : K, flow Q : W }`",
         "else" => "a `when` has no `else`; write a second `when`",
         _ if word.is_empty() => return None,
         _ if rest.starts_with(":=") => "write `let name = expression`; there is no `:=`",

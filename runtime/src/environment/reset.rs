@@ -491,7 +491,7 @@ impl Environment {
                     let failure: SolverFailure = super::interval::blame(&error, t);
                     let setup = &self.setup;
                     let message = describe_solver(&failure, setup.model(), &setup.catalogue, setup.sources());
-                    self.solve_start(Sought::default(), &message)?;
+                    self.solve_start(Sought::default(), None, &message)?;
                     match self.integrator.restart(&mut self.system, t, &self.progress.y, None) {
                         Ok(()) => self.take_state(),
                         Err(_) => return Err(ResetError::Inconsistent { message, start: None }),
@@ -529,14 +529,35 @@ impl Environment {
         }
         let (model, memory) = self.system.parts();
         model.prepare_step(memory);
-        self.solve_start(Sought { states: &states, conditions: &conditions }, "the conditions at the start have no solution")
+        for (of, read) in &setup.programs.initial_reads {
+            let name = |at: usize| setup.catalogue.states.elements().iter().find(|e| e.at == at).map_or("", |e| e.name.as_str());
+            let stale = of.clone().find(|at| !given.contains(at) && !states.contains(at));
+            if let (Some(stale), Some(&freed)) = (stale, states.iter().find(|at| read.contains(at))) {
+                let (of, freed) = (name(stale), name(freed));
+                let message = format!(
+                    "the declared value of `{of}` reads `{freed}`, which a condition at the start determines; \
+                     write it as a condition, too: `initial eq {of} = ...`"
+                );
+                return Err(ResetError::Inconsistent { message, start: None });
+            }
+        }
+        let given = self.setup.programs.discretes_read_unknowns.then(|| self.given_discretes(options));
+        let sought = Sought { states: &states, conditions: &conditions };
+        self.solve_start(sought, given.as_deref(), "the conditions at the start have no solution")
+    }
+
+    /// Discrete variables that are given, by their places.
+    fn given_discretes(&self, options: &ResetOptions) -> Vec<(usize, f64)> {
+        let discretes = &self.setup.catalogue.discretes;
+        let all = self.setup.options.initial.iter().chain(&options.discrete);
+        all.filter_map(|(name, &value)| Some((discretes.find(name)?.at, value))).collect()
     }
 
     /// Solves for the algebraic unknowns and for what is `sought` block by block; `message` says
-    /// what failed before.
-    fn solve_start(&mut self, sought: Sought<'_>, message: &str) -> Result<(), ResetError> {
+    /// what failed before. With `discretes`, those that are given, the others follow.
+    fn solve_start(&mut self, sought: Sought<'_>, discretes: Option<&[(usize, f64)]>, message: &str) -> Result<(), ResetError> {
         let setup = std::sync::Arc::clone(&self.setup);
-        let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: self.time() };
+        let context = start::Context { catalogue: &setup.catalogue, sources: setup.sources(), time: self.time(), discretes };
         match start::solve(&mut self.system, context, sought, &mut self.progress.y) {
             Ok(()) => Ok(()),
             Err(StartError::Interrupted) => Err(ResetError::Interrupted),
@@ -573,7 +594,7 @@ impl Environment {
         let Some(outside) = element.and_then(|element| element.check_bounds(self.progress.y[at]).err()) else { return Ok(()) };
         let outside = OutsideBounds { value: Short(outside.value).to_string().parse().unwrap_or(outside.value), ..outside };
         let message = format!("{equation}, has no solution inside of the declared bounds that the search finds: {outside}");
-        self.solve_start(Sought::default(), &message)?;
+        self.solve_start(Sought::default(), None, &message)?;
         self.make_consistent()
     }
 

@@ -1,9 +1,10 @@
 //! Values that the equations and programs of a model read.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
 use smpl_compiler::compiled::CompiledModel;
-use smpl_compiler::ir::{Expr, ExprId, Exprs, Flavour, Nest, Place, Program, Role, VarId};
+use smpl_compiler::ir::{Affine, Expr, ExprId, Exprs, Flavour, MAX_DEPTH, Nest, Place, Program, Role, VarId};
 use smpl_compiler::model::Model;
 
 /// Returns `true` if `finish` or the algebraic outputs read a time derivative.
@@ -68,7 +69,7 @@ fn reads_in(model: &Model, todo: Vec<ExprId>, wanted: Flavour) -> bool {
 }
 
 /// Returns `true` if something holds of some expression, or of one inside.
-pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl Fn(&Expr) -> bool) -> bool {
+pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, mut holds: impl FnMut(&Expr) -> bool) -> bool {
     let mut seen = HashSet::new();
     while let Some(e) = todo.pop() {
         if !seen.insert(e) {
@@ -80,6 +81,52 @@ pub(super) fn any_expression(exprs: &Exprs, mut todo: Vec<ExprId>, holds: impl F
         todo.extend(exprs.operands(e));
     }
     false
+}
+
+/// Returns `true` if the initial value of a discrete variable reads unknowns.
+pub(super) fn discretes_read_unknowns(model: &CompiledModel) -> bool {
+    let model = model.model();
+    any_expression(&model.exprs, values(&[&model.programs.initial_discretes]), |expr| match expr {
+        Expr::Load { flavour: Flavour::Value, var, .. } => matches!(model.vars[*var].role, Role::State | Role::Algebraic | Role::Delayed),
+        Expr::Load { flavour, .. } => matches!(flavour, Flavour::Initial | Flavour::Previous),
+        _ => false,
+    })
+}
+
+/// States whose initial values read states: places of the former and of the latter in `y`.
+pub(super) fn initial_reads(model: &CompiledModel) -> Vec<(Range<usize>, Range<usize>)> {
+    let model = model.model();
+    let mut next = 0;
+    let mut first = HashMap::new();
+    for &var in &model.unknowns {
+        first.insert(var, next);
+        next += i64::from(model.vars[var].len);
+    }
+    let is_state = |var: VarId| model.vars[var].role == Role::State;
+    let mut found = Vec::new();
+    for nest in &model.programs.initial_states.nests {
+        let mut around = [None; MAX_DEPTH];
+        nest.loops.iter().for_each(|&(d, extent)| around[usize::from(d)] = Some(extent));
+        let places = |var: VarId, at: Affine| {
+            let (low, high) = at.reach(&around);
+            let last = i64::from(model.vars[var].len) - 1;
+            (first[&var] + low.clamp(0, last)) as usize..(first[&var] + high.clamp(0, last) + 1) as usize
+        };
+        for store in &nest.stores {
+            let Place::Var(of) = store.target.place else { continue };
+            if is_state(of) {
+                any_expression(&model.exprs, vec![store.value], |expr| {
+                    if let Expr::Load { var, flavour: Flavour::Value, at } = *expr
+                        && is_state(var)
+                    {
+                        found.push((places(of, store.target.at), places(var, at)));
+                    }
+                    false
+                });
+            }
+        }
+    }
+    found
 }
 
 /// Number of elements whose initial value reads an algebraic unknown or a value at the start, and

@@ -70,7 +70,7 @@ impl Freed {
         states.sort_by_key(|state| state.default.is_finite());
         let (places, conditions): (Vec<usize>, Vec<usize>) = (states.iter().map(|s| s.at).collect(), (0..count).collect());
         let y = vec![0.0; system.model().unknowns()];
-        let context = Context { catalogue, sources, time: 0.0 };
+        let context = Context { catalogue, sources, time: 0.0, discretes: None };
         let mut problem = Problem::new(system, context, Sought { states: &places, conditions: &conditions }, &y);
         let incidence = problem.incidence();
         let algebraic = incidence.len() - count;
@@ -116,7 +116,7 @@ impl Freed {
         let mut states: Vec<_> = catalogue.states.elements().iter().collect();
         states.sort_by_key(|state| state.default.is_finite());
         let (places, conditions): (Vec<usize>, Vec<usize>) = (states.iter().map(|s| s.at).collect(), (0..wishes.len()).collect());
-        let context = Context { catalogue, sources: None, time: 0.0 };
+        let context = Context { catalogue, sources: None, time: 0.0, discretes: None };
         let mut problem = Problem::new(system, context, Sought { states: &places, conditions: &conditions }, &y);
         let algebraic = problem.len() - places.len();
         let found = pivots::slopes(&mut problem, algebraic, &mut y).and_then(|slopes| pivots::choose(slopes, &wishes, &states));

@@ -1,6 +1,7 @@
 //! The equations of a start: algebraic rows and conditions, in algebraic unknowns and freed states.
 
-use smpl_compiler::compiled::{Derived, WithRespectTo};
+use smpl_compiler::compiled::{Derived, Triplet, WithRespectTo};
+use smpl_compiler::ir::DELAY_SLOTS;
 use smpl_compiler::layout::Region;
 use smpl_compiler::model::StartCondition;
 use smpl_dsl::span::Span;
@@ -9,6 +10,7 @@ use super::{Context, Sought};
 use crate::catalogue::Element;
 use crate::failure::{describe_equation, row_of};
 use crate::solver::{Bounds, System};
+use crate::steady::delays;
 use crate::system::CompiledSystem;
 
 /// An equation of a start.
@@ -42,7 +44,12 @@ pub(super) struct Problem<'a> {
     missed: Vec<f64>,
     /// The equations at the last point.
     pub out: Vec<f64>,
+    /// The Jacobian is one of differences, with what acts through other instants.
+    pub by_differences: bool,
 }
+
+/// Difference of an unknown, relative to its size, for derivatives by differences.
+const DIFFERENCE: f64 = 1e-7;
 
 impl<'a> Problem<'a> {
     pub(super) fn new(system: &'a mut CompiledSystem, context: Context<'a>, sought: Sought<'_>, y: &[f64]) -> Self {
@@ -69,6 +76,7 @@ impl<'a> Problem<'a> {
         Self {
             values: vec![0.0; pattern.entries()],
             out: vec![0.0; rows.len()],
+            by_differences: false,
             bounds: Bounds::new(elements(), n),
             zero: vec![0.0; n],
             residual: vec![0.0; n],
@@ -89,6 +97,12 @@ impl<'a> Problem<'a> {
         self.places.len()
     }
 
+    /// Returns whether unknowns act through delayed, sampled and first values, or through discrete
+    /// variables.
+    pub(super) fn acts_through_instants(&self) -> bool {
+        self.system.reads_other_instants() || self.system.looks_back() || self.context.discretes.is_some()
+    }
+
     /// Columns of the unknowns that may occur in each row; the first one of an algebraic row is its
     /// own.
     pub(super) fn incidence(&mut self) -> Vec<Vec<usize>> {
@@ -101,12 +115,35 @@ impl<'a> Problem<'a> {
             }
         }
         let y = vec![0.0; self.zero.len()];
-        for (row, column, _) in self.gradient(&y) {
+        let places = self.gradient(&y).into_iter().map(|(row, column, _)| (row, column));
+        for (row, column) in places.chain(self.through_delays(&y)) {
             if !out[row].contains(&column) {
                 out[row].push(column);
             }
         }
         out
+    }
+
+    /// Row and column of the unknowns that act through delayed values, which are the present ones.
+    fn through_delays(&mut self, y: &[f64]) -> Vec<(usize, usize)> {
+        if !self.system.looks_back() {
+            return Vec::new();
+        }
+        let first = self.system.model().states();
+        let (model, memory) = self.system.parts();
+        let mut of = |of, by| model.derivative(of, by, memory, self.context.time, (y, &self.zero)).unwrap_or_default();
+        let by_element = |places: Vec<Triplet>| places.into_iter().map(|(row, slot, x)| (row, slot / DELAY_SLOTS as usize, x));
+        let by_unknowns = of(Derived::Delayed, WithRespectTo::Unknowns);
+        let nested: Vec<_> = by_element(of(Derived::Delayed, WithRespectTo::Delayed)).collect();
+        let rows = by_element(of(Derived::Rows, WithRespectTo::Delayed)).filter_map(|(row, of, _)| Some((row.checked_sub(first)?, of)));
+        let conditions = of(Derived::StartConditions, WithRespectTo::Delayed);
+        let conditions = by_element(conditions).filter_map(|(k, of, _)| Some((self.row_of[k]?, of)));
+        let mut found = Vec::new();
+        for (row, element) in rows.chain(conditions).collect::<Vec<_>>() {
+            let columns = delays::reach(&by_unknowns, &nested, element).into_iter().filter_map(|at| self.column_of[at]);
+            found.extend(columns.map(|column| (row, column)));
+        }
+        found
     }
 
     /// Derivatives of the conditions by the unknowns: row, column, value.
@@ -139,6 +176,9 @@ impl<'a> Problem<'a> {
 
     /// The entries of the Jacobian at `y`: row, column, value; a place may occur several times.
     pub(super) fn jacobian(&mut self, y: &[f64]) -> Vec<(usize, usize, f64)> {
+        if self.by_differences {
+            return self.differences(y);
+        }
         self.take_instant(y);
         self.system.jacobian(self.context.time, y, &self.zero, 0.0, &mut self.values);
         let mut out: Vec<_> = self.entries.iter().map(|&(row, column, entry)| (row, column, self.values[entry])).collect();
@@ -146,11 +186,40 @@ impl<'a> Problem<'a> {
         out
     }
 
-    /// The start of the episode and the end of the step before are the point itself.
+    /// All entries of the Jacobian by differences.
+    fn differences(&mut self, y: &[f64]) -> Vec<(usize, usize, f64)> {
+        self.evaluate(y);
+        let base = self.out.clone();
+        let mut moved = y.to_vec();
+        let mut entries = Vec::with_capacity(base.len() * self.places.len());
+        for column in 0..self.places.len() {
+            let at = self.places[column];
+            let step = DIFFERENCE * y[at].abs().max(self.scales[at]);
+            moved[at] = if y[at] + step > self.bounds.high[at] { y[at] - step } else { y[at] + step };
+            self.evaluate(&moved);
+            let step = moved[at] - y[at];
+            entries.extend(self.out.iter().zip(&base).enumerate().map(|(row, (new, old))| (row, column, (new - old) / step)));
+            moved[at] = y[at];
+        }
+        self.evaluate(y);
+        entries
+    }
+
+    /// The start of the episode and the end of the step before are the point itself, and discrete
+    /// variables are what they are there.
     fn take_instant(&mut self, y: &[f64]) {
         if self.system.reads_other_instants() {
             self.system.keep(y, Region::Initial);
             self.system.keep(y, Region::Previous);
+        }
+        if let Some(given) = self.context.discretes {
+            self.system.look_back(self.context.time, y, &self.zero);
+            let (model, memory) = self.system.parts();
+            model.initial_discretes(memory, &mut y.to_vec());
+            let discretes = self.system.region_mut(Region::Discrete);
+            given.iter().for_each(|&(at, value)| discretes[at] = value);
+        }
+        if self.system.reads_other_instants() || self.context.discretes.is_some() {
             let (model, memory) = self.system.parts();
             model.prepare_step(memory);
         }

@@ -75,16 +75,21 @@ impl Parts {
         (0..width).map(|row| self.reach(row).into_iter().map(|column| (column, value(row, column))).collect()).collect()
     }
 
-    /// Unknowns that an element depends on, through other elements too.
     fn reach(&self, element: usize) -> BTreeSet<usize> {
-        let (mut open, mut seen) = (vec![element], BTreeSet::from([element]));
-        let mut columns = BTreeSet::new();
-        while let Some(element) = open.pop() {
-            columns.extend(self.by_unknowns.iter().filter(|t| t.0 == element).map(|t| t.1));
-            open.extend(self.nested.iter().filter(|t| t.0 == element).map(|t| t.1).filter(|&next| seen.insert(next)));
-        }
-        columns
+        reach(&self.by_unknowns, &self.nested, element)
     }
+}
+
+/// Unknowns that a delayed value depends on, through other ones too. Places of derivatives say what
+/// reads unknowns, and what reads delayed values.
+pub(crate) fn reach(by_unknowns: &[Triplet], nested: &[Triplet], element: usize) -> BTreeSet<usize> {
+    let (mut open, mut seen) = (vec![element], BTreeSet::from([element]));
+    let mut columns = BTreeSet::new();
+    while let Some(element) = open.pop() {
+        columns.extend(by_unknowns.iter().filter(|t| t.0 == element).map(|t| t.1));
+        open.extend(nested.iter().filter(|t| t.0 == element).map(|t| t.1).filter(|&next| seen.insert(next)));
+    }
+    columns
 }
 
 impl Delays {

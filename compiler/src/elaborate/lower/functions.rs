@@ -102,6 +102,12 @@ pub(in crate::elaborate) fn unknown_function(l: &mut Lowering<'_, '_>, function:
     let help = match name.as_str() {
         "log" => Some("write `ln` for the natural logarithm, `log10` for the decimal one".to_owned()),
         "pow" => Some("write `x^y`".to_owned()),
+        "pre" => {
+            Some("right sides of `next x = ...` read the old values; in equations `previous(x)` is the value a step before".to_owned())
+        }
+        "noEvent" => Some("write `smooth(...)`: switches in it are not located".to_owned()),
+        "ddt" | "PARTIAL" => Some("a rate is `d/dt x`; along a domain there are `div` of a `flux`, and `grad` in it".to_owned()),
+        "sample" => Some("write `at every 3 [s] { next x = ... }`".to_owned()),
         _ if over_sets.is_some() => over_sets.map(|b| format!("say over what: `{}`", b.usage)),
         _ if l.ledger.reports.may_suggest() => l.ledger.reports.did_you_mean(name, builtins::names().chain(l.symbols.visible(place.scope))),
         _ => None,

@@ -6,8 +6,8 @@
 //! Each switch is tested with numbers: one unknown, or time, is moved to the threshold, and the
 //! constraint is evaluated with both forms of the switch. Other unknowns have several values;
 //! parameters have their defaults. A jump is reported if both forms differ for all of these values.
-//! With other values of parameters, a difference at one point is a doubt: [`watch`] finds out in a
-//! run.
+//! With other values of parameters, or with other switches in other forms, a difference at one
+//! point is a doubt: [`watch`] finds out in a run.
 
 use super::start::Start;
 use crate::interpret::eval_at;
@@ -85,9 +85,12 @@ pub(super) fn examine(model: &mut Model, value: ExprId) -> Result<Vec<Doubt>, Ju
     search.parameters = (0..POINTS).map(other).collect();
     let mut doubts = Vec::new();
     for (root, forms, leaf) in &switches {
-        let Some(jump) = search.differs_at(*root, forms, *leaf) else { continue };
-        let doubt = search.doubt(*root, forms, *leaf);
-        doubts.push(doubt.ok_or(jump)?);
+        match (search.differs_at(*root, forms, *leaf), search.doubt(*root, forms, *leaf)) {
+            (Some(jump), doubt) => doubts.push(doubt.ok_or(jump)?),
+            // A factor that is zero at all of these points may hide a jump.
+            (None, Some(doubt)) if crate::switches::forms_differ(&search.exprs, doubt.sides[0], doubt.sides[1]) => doubts.push(doubt),
+            (None, _) => {}
+        }
     }
     let exprs = search.exprs;
     if !doubts.is_empty() {

@@ -107,7 +107,9 @@ impl Environment {
         self.restart_following(follower, t, beginning)?;
         let stop = self.next_stop(follower, t, end, pieces)?;
         let engine = &mut follower.engine;
-        if stop.time <= t && stop.break_.is_some() {
+        // What is left may be less than an integrator takes.
+        let least = 4.0 * f64::EPSILON * (t.abs() + stop.time.abs());
+        if stop.time - t <= least && (stop.time != t || stop.break_.is_some()) {
             return Ok((Advance::Reached, stop));
         }
         match engine.integrator.advance(&mut engine.augmented, stop.time) {
