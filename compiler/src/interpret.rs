@@ -350,13 +350,13 @@ pub(crate) fn eval_otherwise(
     exprs: &Exprs,
     expr: ExprId,
     value_of: &dyn Fn(VarId, Flavour, i64) -> Option<f64>,
-    other: &dyn Fn(Expr, [f64; 3]) -> Option<f64>,
+    other: &Otherwise<'_>,
 ) -> Option<f64> {
     evaluate(exprs, expr, &mut [0; MAX_DEPTH], (value_of, other), &mut FastMap::default())
 }
 
-/// Values of places in memory, and of nodes by the values of their operands.
-type Known<'a> = (&'a dyn Fn(VarId, Flavour, i64) -> Option<f64>, &'a dyn Fn(Expr, [f64; 3]) -> Option<f64>);
+/// Values of nodes by the values of their operands.
+type Otherwise<'a> = dyn Fn(Expr, [f64; 3]) -> Option<f64> + 'a;
 
 /// Evaluates at given counters; `known` holds the values at these counters. Only reductions
 /// recurse, at most as deep as loops nest.
@@ -364,7 +364,7 @@ fn evaluate(
     exprs: &Exprs,
     expr: ExprId,
     counters: &mut [i64; MAX_DEPTH],
-    (value_of, other): Known<'_>,
+    (value_of, other): (&dyn Fn(VarId, Flavour, i64) -> Option<f64>, &Otherwise<'_>),
     known: &mut FastMap<ExprId, f64>,
 ) -> Option<f64> {
     let mut stack = vec![expr];

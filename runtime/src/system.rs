@@ -272,6 +272,7 @@ fn bounds(model: &CompiledModel, catalogue: &Catalogue) -> Option<Bounds> {
 fn reads_other_instants(model: &CompiledModel) -> bool {
     let model = model.model();
     let mut todo: Vec<ExprId> = model.rows.iter().map(|row| row.residual).collect();
+    todo.extend(model.programs.start_conditions.nests.iter().flat_map(|nest| &nest.stores).map(|store| store.value));
     let mut seen = HashSet::new();
     while let Some(e) = todo.pop() {
         if !seen.insert(e) {

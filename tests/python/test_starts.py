@@ -142,6 +142,20 @@ observe level
     assert start(source)["level"] == pytest.approx(2, rel=1e-12)
 
 
+@pytest.mark.parametrize("of", ["sampled", "initial", "previous"])
+def test_a_condition_reads_first_values_that_no_equation_reads(of):
+    source = f"""
+time t : s
+state x = 1 in 0..10
+state y = 2 in 0..10
+eq d/dt x = (3 - x)/1 [s]
+eq d/dt y = (x - y)/1 [s]
+initial eq x = 1.5*{of}(y) + 0.25*{of}(x) free x
+observe x
+"""
+    assert start(source)["x"] == pytest.approx(4, rel=1e-12)
+
+
 def test_a_declared_value_that_reads_what_a_condition_determines_is_refused():
     source = """
 time t : s
