@@ -52,15 +52,18 @@ class Clock:
         """Count instants from now on."""
         self._origin, self._count, self.epoch = now, 0, self.epoch + 1
 
-    def set_speed(self, speed: float) -> None:
-        """Change the speed from the last instant on."""
-        self._origin = self._origin + self._count * self.interval / self.speed
-        self.speed, self._count = speed, 0
+    def set_speed(self, speed: float, now: float) -> None:
+        """Change the speed from now on; the share of the interval that has passed stays."""
+        share = (now - self._origin) * self.speed / self.interval - self._count
+        self._origin, self._count, self.speed = now - share * self.interval / speed, 0, speed
 
-    def next(self) -> float:
+    def due(self) -> float:
         """Monotonic time of the next instant."""
+        return self._origin + (self._count + 1) * self.interval / self.speed
+
+    def advance(self) -> None:
+        """Count the next instant as reached."""
         self._count += 1
-        return self._origin + self._count * self.interval / self.speed
 
 
 class Plant:
@@ -140,11 +143,12 @@ class OpcUaServer:
         self._tags: dict[str, list[Any]] = {}
         self._status: dict[str, Any] = {}
         self._moving: asyncio.Task[None] | None = None
-        self._lock = asyncio.Lock()
+        self._lock, self._retimed = asyncio.Lock(), asyncio.Event()
 
     async def __aenter__(self) -> OpcUaServer:
         await self._build()
         await self._server.start()
+        self.clock.begin(time.monotonic())
         self._moving = asyncio.create_task(self._run())
         return self
 
@@ -209,7 +213,7 @@ class OpcUaServer:
 
         def write(node: Any, attribute: Any, value: Any) -> None:
             number = None if value.Value is None else value.Value.Value
-            if number is None:
+            if number is None or value.Value.is_array:
                 raise errors.BadTypeMismatch()
             if not low <= number <= high:
                 raise errors.BadOutOfRange()
@@ -235,62 +239,114 @@ class OpcUaServer:
             self._alarms[name] = await alarms.add_variable(node_id, self._named(name), False, types.Boolean)
 
     async def _add_methods(self, plant: Any) -> None:
-        uamethod, types = self._package.uamethod, self._package.ua.VariantType
-        errors = self._package.ua.uaerrors
+        types, errors = self._package.ua.VariantType, self._package.ua.uaerrors
 
-        @uamethod  # type: ignore[untyped-decorator]
-        async def start(parent: Any) -> None:
+        async def start() -> None:
             if self.plant.message:
                 raise errors.BadInvalidState()
             if not self.plant.running:
                 self.plant.running = True
-                self.clock.begin(time.monotonic())
+                self._restart()
             await self._show()
 
-        @uamethod  # type: ignore[untyped-decorator]
-        async def stop(parent: Any) -> None:
-            self.plant.running = False
+        async def stop() -> None:
+            async with self._lock:  # behind a step that has begun
+                self.plant.running = False
             await self._show()
 
-        @uamethod  # type: ignore[untyped-decorator]
-        async def reset(parent: Any, seed: int) -> None:
-            async with self._lock:
-                await asyncio.to_thread(self.plant.reset, int(seed))
-            self.clock.begin(time.monotonic())
-            await self._show()
-
-        @uamethod  # type: ignore[untyped-decorator]
-        async def set_speed(parent: Any, speed: float) -> None:
-            if not (np.isfinite(speed) and speed > 0):
+        async def reset(seed: int) -> None:
+            if not 0 <= seed < 2**32:
                 raise errors.BadOutOfRange()
-            self.clock.set_speed(float(speed))
+            async with self._lock:
+                try:
+                    await asyncio.to_thread(self.plant.reset, seed)
+                except (RuntimeError, ValueError) as error:
+                    self.plant.running, self.plant.message = False, str(error)
+                self._restart()
+            await self._show()
+            if self.plant.message:
+                raise errors.BadInvalidState()
+
+        async def set_speed(speed: float) -> None:
+            if not 0 < speed < np.inf:
+                raise errors.BadOutOfRange()
+            self.clock.set_speed(float(speed), time.monotonic())
+            self._retimed.set()
             await self._show()
 
-        methods = {"Start": (start, []), "Stop": (stop, []), "Reset": (reset, [types.UInt32]),
-                   "SetSpeed": (set_speed, [types.Double])}  # fmt: skip
-        for name, (function, inputs) in methods.items():
+        for function, name, inputs in (
+            (start, "Start", []),
+            (stop, "Stop", []),
+            (reset, "Reset", [("seed", types.UInt32)]),
+            (set_speed, "SetSpeed", [("speed", types.Double)]),
+        ):
             node_id = self._package.ua.NodeId(name, self._index)
-            await plant.add_method(node_id, self._named(name), function, inputs, [])
+            arguments = [self._argument(*one) for one in inputs]
+            await plant.add_method(node_id, self._named(name), self._method(function, inputs), arguments, [])
+
+    def _argument(self, name: str, kind: Any) -> Any:
+        ua = self._package.ua
+        return ua.Argument(Name=name, DataType=ua.NodeId(kind.value), ValueRank=-1)
+
+    def _method(self, function: Any, inputs: Any) -> Any:
+        """A method that answers wrong arguments with their status code."""
+        ua = self._package.ua
+        codes = ua.StatusCodes
+
+        async def called(parent: Any, *variants: Any) -> Any:
+            if len(variants) != len(inputs):
+                few = len(variants) < len(inputs)
+                return ua.StatusCode(codes.BadArgumentsMissing if few else codes.BadTooManyArguments)
+            values = [one.Value for one in variants]
+            for value, (_, kind) in zip(values, inputs, strict=True):
+                numbers = int if kind is ua.VariantType.UInt32 else (int, float)
+                if isinstance(value, bool) or not isinstance(value, numbers):
+                    return ua.StatusCode(codes.BadTypeMismatch)
+            try:
+                await function(*values)
+            except ua.uaerrors.UaStatusCodeError as error:
+                return ua.StatusCode(error.code)
+            return []
+
+        return called
 
     def _named(self, name: str) -> Any:
         return self._package.ua.QualifiedName(name, self._index)
 
+    def _restart(self) -> None:
+        """Begin an interval now."""
+        self.clock.begin(time.monotonic())
+        self._retimed.set()
+
     async def _run(self) -> None:
         """Step at each sampling instant while the plant runs; late instants are not skipped."""
         while True:
+            self._retimed.clear()
             if not self.plant.running:
                 await asyncio.sleep(0.02)
                 continue
-            epoch, due = self.clock.epoch, self.clock.next()
-            wait = due - time.monotonic()
-            await asyncio.sleep(max(0.0, wait))
-            if self.clock.epoch != epoch:  # another episode
+            epoch, due = self.clock.epoch, self.clock.due()
+            if await self._is_retimed(due - time.monotonic()):
                 continue
             self.late = max(0.0, time.monotonic() - due)
             async with self._lock:
+                if self.clock.epoch != epoch:  # another episode
+                    continue
+                self.clock.advance()
                 if self.plant.running:
                     await self._step()
             await self._show()
+
+    async def _is_retimed(self, wait: float) -> bool:
+        """Wait; true as soon as a method has changed the time of the next instant."""
+        if wait <= 0:
+            await asyncio.sleep(0)
+            return self._retimed.is_set()
+        try:
+            await asyncio.wait_for(self._retimed.wait(), wait)
+        except asyncio.TimeoutError:
+            return False
+        return True
 
     async def _step(self) -> None:
         before = self.plant.violations
@@ -309,7 +365,11 @@ class OpcUaServer:
         await self._events.trigger(message=text)
 
     async def _show(self) -> None:
-        """Write what is measured to the tags."""
+        """Write what is measured to the tags, between steps."""
+        async with self._lock:
+            await self._write_tags()
+
+    async def _write_tags(self) -> None:
         env, types = self.plant.env, self._package.ua.VariantType
         values: dict[str, FloatArray] = {
             "Observations": env.reading,

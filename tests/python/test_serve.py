@@ -117,6 +117,29 @@ async def at_least(client, steps):
     return await node(client, "Status.Step").read_value() >= steps
 
 
+def test_stop_waits_for_a_step_that_has_begun():
+    async def test(server, plant):
+        client, step = await connected(server), plant.step
+        begun = []
+
+        def slowly():
+            begun.append(time.monotonic())
+            time.sleep(1.0)
+            step()
+
+        plant.step = slowly
+        await call(client, "Start")
+        while not begun:
+            await asyncio.sleep(0.01)
+        await call(client, "Stop")
+        steps = await node(client, "Status.Step").read_value()
+        await asyncio.sleep(1.5)
+        assert (steps, plant.env.steps) == (1, 1)
+        await client.disconnect()
+
+    serving(test)
+
+
 def test_writes_to_read_only_tags_wrong_types_and_ranges_are_refused():
     async def test(server, plant):
         client = await connected(server)
@@ -127,17 +150,78 @@ def test_writes_to_read_only_tags_wrong_types_and_ranges_are_refused():
             await node(client, "Status.Speed").write_value(2.0)
         with pytest.raises(ua.uaerrors.BadTypeMismatch):
             await node(client, "Actions.T_c").write_value("warm")
-        with pytest.raises(ua.uaerrors.BadTypeMismatch):
-            await node(client, "Actions.T_c").write_value(ua.Variant(25, ua.VariantType.Int32))
+        for value in (ua.Variant(25, ua.VariantType.Int32), ua.Variant([25.0], ua.VariantType.Double)):
+            with pytest.raises(ua.uaerrors.BadTypeMismatch):
+                await node(client, "Actions.T_c").write_value(value)
         for value in (50.0, float("nan"), float("inf")):
             with pytest.raises(ua.uaerrors.BadOutOfRange):
                 await node(client, "Actions.T_c").write_value(value)
-        with pytest.raises(ua.UaError):
-            await call(client, "SetSpeed", -1.0)
         assert np.array_equal(plant.actions, before[0]) and np.array_equal(plant.env.state, before[1])
         await client.disconnect()
 
     serving(test)
+
+
+def test_wrong_arguments_of_methods_are_answered_by_their_status():
+    async def test(server, plant):
+        client = await connected(server)
+        for method, values, error in (
+            ("SetSpeed", [-1.0], ua.uaerrors.BadOutOfRange),
+            ("SetSpeed", [float("nan")], ua.uaerrors.BadOutOfRange),
+            ("SetSpeed", ["fast"], ua.uaerrors.BadTypeMismatch),
+            ("SetSpeed", [], ua.uaerrors.BadArgumentsMissing),
+            ("Start", [1.0], ua.uaerrors.BadTooManyArguments),
+            ("Reset", [1.5], ua.uaerrors.BadTypeMismatch),
+            ("Reset", [-1], ua.uaerrors.BadOutOfRange),
+        ):
+            with pytest.raises(error):
+                await call(client, method, *values)
+        plant.message = "empty: h"
+        with pytest.raises(ua.uaerrors.BadInvalidState):
+            await call(client, "Start")
+        await call(client, "Reset", 3)
+        assert await node(client, "Status.Message").read_value() == ""
+        reset = await client.nodes.objects.get_child([f"{client.smpl}:Plant", f"{client.smpl}:Reset"])
+        (argument,) = await (await reset.get_child("0:InputArguments")).read_value()
+        assert argument.Name == "seed"
+        await client.disconnect()
+
+    serving(test)
+
+
+def test_a_new_speed_acts_within_the_interval():
+    """An interval of 6 s at a thousandth of real time lasts 100 minutes."""
+
+    async def test(server, plant):
+        client = await connected(server)
+        await call(client, "Start")
+        await asyncio.sleep(0.1)
+        await call(client, "SetSpeed", 600.0)
+        await until(lambda: at_least(client, 3), seconds=20)
+        await client.disconnect()
+
+    serving(test, speed=1e-3)
+
+
+def test_a_plant_that_runs_from_the_start_begins_with_the_server(monkeypatch):
+    """The time in which the server is set up does not count."""
+    build = OpcUaServer._build
+
+    async def slowly(server):
+        await build(server)
+        await asyncio.sleep(1.0)
+
+    monkeypatch.setattr(OpcUaServer, "_build", slowly)
+    plant = plant_of("reactor", 3)
+    plant.running = True
+
+    async def run():
+        async with OpcUaServer(plant, port=0, speed=10.0):
+            assert plant.env.steps == 0
+            await asyncio.sleep(0.2)
+            assert plant.env.steps == 0
+
+    asyncio.run(run())
 
 
 def test_ten_clients_and_a_lost_connection_do_not_stop_the_plant():
@@ -171,7 +255,7 @@ def test_a_failure_stops_the_plant_raises_an_alarm_and_a_reset_goes_on():
             await client.nodes.objects.get_child([f"{client.smpl}:Plant", f"{client.smpl}:Alarms"])
         ).get_children()
         assert True in [await one.read_value() for one in children]
-        with pytest.raises(ua.UaError):
+        with pytest.raises(ua.uaerrors.BadInvalidState):
             await call(client, "Start")
         await call(client, "Reset", ua.Variant(1, ua.VariantType.UInt32))
         assert await node(client, "Status.Message").read_value() == ""
@@ -201,12 +285,16 @@ def test_history_has_the_measurements():
 
 def test_sampling_instants_do_not_drift():
     """1,000 steps of 6 s at 3,000 times real time take 2 s, however long each takes, if the machine keeps up."""
-    clock = Clock(6.0, 3000.0)
+    clock, instants = Clock(6.0, 3000.0), []
     clock.begin(10.0)
-    instants = [clock.next() for _ in range(1000)]
+    for _ in range(1000):
+        instants.append(clock.due())
+        clock.advance()
     assert instants == pytest.approx([10.0 + 0.002 * (k + 1) for k in range(1000)], abs=1e-9)
-    clock.set_speed(6000.0)
-    assert clock.next() == pytest.approx(10.0 + 2.0 + 0.001, abs=1e-9)
+    clock.set_speed(6000.0, 12.0)
+    assert clock.due() == pytest.approx(12.0 + 0.001, abs=1e-9)
+    clock.set_speed(3000.0, 12.0005)  # half of the interval is left
+    assert clock.due() == pytest.approx(12.0005 + 0.001, abs=1e-9)
 
     async def test(server, plant):
         client = await connected(server)
