@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import ExtendedKalmanFilter, MovingHorizonEstimator, consistency
+from smpl.controllers import NMPC, ExtendedKalmanFilter, MovingHorizonEstimator, SamplingMPC, consistency
+from smpl.evaluation import run_episode
 
 linalg = pytest.importorskip("scipy.linalg")
 
@@ -200,3 +201,70 @@ def test_a_band_is_that_of_the_chi_squared_distribution():
     for degrees, level in ((0, 0.95), (3, 1.5)):
         with pytest.raises(ValueError, match="expected"):
             consistency(1.0, degrees, level)
+
+
+# A heated kettle with a constant, unknown loss of heat; its temperature alone is measured.
+KETTLE = """model Kettle "heated kettle with an unknown loss"
+time t : min
+param UA : kJ/(min K) = 12
+action Q : kJ/min = 600 in 0..2000
+disturbance leak : kJ/min = 0 ~ leak in -500..500
+state T : degC = 60 in 0..120
+state S : degC = 60 in 0..120 "wall"
+eq d/dt T = (Q + leak - UA*(T - 20 [degC])) / (100 [kJ/K]) - (T - S) / (2 [min])
+eq d/dt S = (T - S) / (4 [min])
+observe T noise normal(0, 0.1)
+reward r default = -sq((T - 65 [degC]) / 1 [K])
+episode { step = 1 [min], max_steps = 100, error_reward = -500 }
+"""
+LOST = {"disturbances": {"leak": [-150.0]}, "hold_disturbances": True}
+
+
+def test_a_constant_unknown_disturbance_needs_a_deviation_and_is_found():
+    model = smpl.compile(source=KETTLE)
+    assert ExtendedKalmanFilter(model).prediction.names == ("T", "S")
+    with pytest.raises(ValueError, match=r"leak keeps the declared value, .*deviation=\{'leak': \.\.\.\}"):
+        ExtendedKalmanFilter(model, disturbances=["leak"])
+    env = smpl.Env(model, normalize=False)
+    for estimator in (
+        ExtendedKalmanFilter(model, deviation={"leak": 200.0}),
+        ExtendedKalmanFilter(model, process_noise={"leak": 5.0}),
+        MovingHorizonEstimator(model, horizon=4, deviation={"leak": 200.0}),
+    ):
+        assert estimator.prediction.names == ("T", "S", "leak")
+        env.reset(seed=1, options=LOST)
+        estimator.reset(env)
+        found = []
+        for _ in range(60):
+            estimator.update(env)
+            found.append(estimator.estimate["leak"])
+            env.step([700.0])
+        assert np.mean(found[-20:]) == pytest.approx(-150.0, abs=5.0)
+
+
+def test_predictive_control_uses_the_estimated_disturbance_and_no_other():
+    """With the estimate there is no offset; the loss of the plant is not known without it."""
+    pytest.importorskip("casadi")
+    model = smpl.compile(source=KETTLE)
+    env = smpl.Env(model, normalize=False)
+    known = {"deviation": {"T": 1.0, "S": 1.0}, "process_noise": {"T": 0.0, "S": 0.0}}
+    last = {}
+    for name, kalman in (
+        ("blind", ExtendedKalmanFilter(model, **known)),
+        ("estimated", ExtendedKalmanFilter(model, **{**known, "deviation": {"leak": 200.0}})),
+    ):
+        controller = NMPC(model, 8, {"T": 1}, set_point={"T": 65.0}, estimator=kalman)
+        episode = run_episode(env, controller, 1, LOST)
+        last[name] = episode.states[-30:, 0].mean()
+    assert last["estimated"] == pytest.approx(65.0, abs=0.1)
+    # A filter that believes its model leaves almost all of 150/12 = 12.5 K.
+    assert last["blind"] < 65 - 10
+
+
+def test_sampling_control_uses_the_estimated_disturbance():
+    model = smpl.compile(source=KETTLE)
+    env = smpl.Env(model, normalize=False, max_steps=60)
+    kalman = ExtendedKalmanFilter(model, deviation={"leak": 200.0}, process_noise={"T": 0.0, "S": 0.0})
+    controller = SamplingMPC(horizon=5, samples=64, iterations=3, method="cem", hold=5, estimator=kalman)
+    episode = run_episode(env, controller, 1, LOST)
+    assert episode.states[-20:, 0].mean() == pytest.approx(65.0, abs=0.5)

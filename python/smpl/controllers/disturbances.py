@@ -29,9 +29,11 @@ class Disturbances:
 
     Args:
         model: the model.
-        names: disturbances to estimate; if none, all that are random or that go on from their own
-            values.
+        names: disturbances to estimate; if none, all that are random or that depend on the value
+            before, from their declared values on.
         fixed: values of parameters.
+        uncertain: names that occur in deviations of an estimator, which are estimated as well if
+            they are disturbances.
 
     Attributes:
         names: the estimated disturbances, then the drawn numbers.
@@ -39,12 +41,13 @@ class Disturbances:
         size: magnitude of each.
         low, high: bounds of each.
         deviation: standard deviations of the drawn numbers.
+        still: names of estimated disturbances that keep their declared values by their rules.
 
     Raises:
         ValueError: an unknown name, or one that occurs twice.
     """
 
-    def __init__(self, model: Model, names: Iterable[str] | None, fixed: Named) -> None:
+    def __init__(self, model: Model, names: Iterable[str] | None, fixed: Named, uncertain: Iterable[str] = ()) -> None:
         self._model, self._fixed = model, dict(fixed)
         self._defaults = np.nan_to_num(model.native.defaults("disturbance"))
         draws = model.native.draws()
@@ -56,8 +59,12 @@ class Disturbances:
             given = (names,) if isinstance(names, str) else tuple(names)
         check_names("disturbances", given or (), model.disturbance_names)
         check_once("disturbances", given or ())
+        self._also = [name for name in model.disturbance_names if name in set(uncertain)]
+        if given is not None:
+            given = (*given, *[name for name in self._also if name not in given])
         self._places: list[int] = []
         self._drawn_places: list[int] = []
+        self.still: set[str] = set()
         sizes = np.zeros(0)
         if (model.disturbance_names or draws) and given != ():
             sizes = self._find(given)
@@ -92,7 +99,8 @@ class Disturbances:
         states, action = np.tile(env.state, (2 * _SAMPLES, 1)), model.native.defaults("action")
         discrete = dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))
         present = np.tile(self._defaults, (_SAMPLES, 1))
-        kept, reach = np.zeros(count, dtype=np.bool_), np.abs(self._defaults)
+        kept, reach = np.array([name in self._also for name in model.disturbance_names]), np.abs(self._defaults)
+        moved = np.zeros(count, dtype=np.bool_)
         fixed = self._drawn(generator.uniform(size=(_SAMPLES, len(self._normal))))
         for step in range(min(model.max_steps, _STEPS) if count else 0):
             fresh = self._drawn(generator.uniform(size=(_SAMPLES, len(self._normal))))
@@ -101,9 +109,11 @@ class Disturbances:
             found, _ = self._evaluate(states, both, action, step, discrete, {}, np.vstack([drawn, drawn]))
             later, plain = found[:_SAMPLES], found[_SAMPLES:]
             kept |= (later != plain).any(axis=0) | (later != later[0]).any(axis=0)
+            moved |= (later != self._defaults).any(axis=0)
             present, reach = later, np.maximum(reach, np.abs(later).max(axis=0))
         known = model.disturbance_names
         self._places = [i for i in range(count) if kept[i]] if given is None else [known.index(one) for one in given]
+        self.still = {known[i] for i in self._places if not moved[i]}
         self._drawn_places = self._acting(env.state, action, discrete)
         return np.where(reach > 0, reach, 1.0)[self._places]
 
@@ -211,6 +221,25 @@ class Disturbances:
             return slopes.T @ slopes, None
         away = samples - samples.mean(axis=0)
         return away.T @ away / len(samples), self._nodes
+
+    def ahead(
+        self, state: FloatArray, present: FloatArray, action: FloatArray, at: int, discrete: Named, parameters: Named,
+        steps: int = 1,
+    ) -> dict[str, FloatArray]:  # fmt: skip
+        """Values (steps,) of all disturbances in the coming steps by name, at mean random numbers.
+
+        Rules that read the state see the present one. Disturbances that are not estimated begin at
+        their declared values.
+        """
+        count, found = len(self._defaults), np.zeros((steps, len(self._defaults)))
+        every, numbers = self._defaults.copy(), self._drawn(np.full(len(self._normal), 0.5))
+        every[self._places], numbers[self._drawn_places] = present[: self.moving], present[self.moving :]
+        for step in range(steps if count else 0):
+            every = self._evaluate(state[None], every[None], action, at + step, discrete, parameters, numbers[None])[0][
+                0
+            ]
+            found[step] = every
+        return dict(zip(self._model.disturbance_names, found.T, strict=True))
 
     def _at(
         self, states: FloatArray, present: FloatArray, action: FloatArray, at: int, discrete: Named, parameters: Named,

@@ -55,8 +55,14 @@ class Prediction:
         noise: of the readings, by name, instead of those of the level.
         fixed: values of parameters of the model.
         disturbances: names of declared disturbances that are estimated; if none, all that are
-            random or go on from their own values. Parameters and numbers that are drawn at a reset
-            and move these are estimated too.
+            random or depend on the value before, from their declared values on. Parameters and
+            numbers that are drawn at a reset and move these are estimated too.
+        deviation: standard deviations at the start by name, as for `start`. A disturbance with a
+            deviation here or in `process_noise` is estimated.
+
+    Raises:
+        ValueError: unknown names, or a disturbance to estimate that is certain: its rule keeps the
+            declared value, and no deviation is given.
     """
 
     def __init__(
@@ -67,13 +73,22 @@ class Prediction:
         noise: Mapping[str, float] | None,
         fixed: Mapping[str, float] | None = None,
         disturbances: Iterable[str] | None = None,
+        deviation: Mapping[str, float] | None = None,
     ) -> None:
         refuse_past(model, "an estimator")
         self.model = model
         self.fixed: dict[str, float] = dict(as_mapping("p", fixed))
         self.states = len(model.state_names)
         given = dict(as_mapping("parameters", parameters))
-        self.disturbances = Disturbances(model, disturbances, self.fixed)
+        spread = as_mapping("process_noise", process_noise)
+        uncertain = {name for name, size in {**as_mapping("deviation", deviation), **spread}.items() if size}
+        self.disturbances = Disturbances(model, disturbances, self.fixed, uncertain)
+        certain = sorted(self.disturbances.still - uncertain)
+        if certain:
+            raise ValueError(
+                f"disturbances: {', '.join(certain)} keeps the declared value, so that there is nothing to estimate; "
+                f"give deviation={{{certain[0]!r}: ...}}, or process_noise for changes in each step"
+            )
         moving = self.disturbances.parameters()
         given |= {name: 0.0 for name in moving if name not in given and name not in self.fixed}
         self.parameters = tuple(given)
@@ -84,14 +99,12 @@ class Prediction:
         sizes = [self._size_of(name) for name in self.parameters]
         self.scale = np.concatenate([self._sizes(), sizes, self.disturbances.size])
         self.low, self.high = self._bounds()
-        declared = weights("process_noise", process_noise, model.state_names, model.state_units)
-        stated = set(process_noise or ())
-        deviation = [
-            declared[i] if declared is not None and name in stated else 1e-3 * self.scale[i]
-            for i, name in enumerate(model.state_names)
-        ]
+        names, units = model.state_names + model.disturbance_names, model.state_units + model.disturbance_units
+        weights("process_noise", process_noise, names, units)
+        changes = [float(spread.get(name, 1e-3 * self.scale[i])) for i, name in enumerate(model.state_names)]
         drift = [as_deviation(f"parameters[{name!r}]", value) for name, value in given.items()]
-        self.process = np.array([*deviation, *drift, *np.zeros(len(self.disturbances.names))])
+        steps = [float(spread.get(name, 0.0)) for name in self.disturbances.names]
+        self.process = np.array([*changes, *drift, *steps])
         self.sensors: Sensors = sensors(model, noise)
         low, high = model.native.bounds("observation")
         width = np.where(np.isfinite(high - low), high - low, 1.0)
@@ -342,6 +355,14 @@ class Prediction:
         self._put(np.zeros(len(self.names)), "deviation", as_mapping("deviation", deviation))
         for name, value in as_mapping("deviation", deviation).items():
             as_deviation(f"deviation[{name!r}]", value, least)
+
+    def ahead(
+        self, estimate: Mapping[str, float], action: FloatArray, at: int, discrete: Mapping[str, float], steps: int = 1
+    ) -> dict[str, FloatArray]:
+        """Values (steps,) of all disturbances in the coming steps, by their rules."""
+        x = self.clipped(np.array([estimate[name] for name in self.names]))
+        state, present = x[: self.states], x[self._tail :]
+        return self.disturbances.ahead(state, present, action, at, discrete, self._named(x[None]), steps)
 
     def clipped(self, x: FloatArray) -> FloatArray:
         """A point inside of the bounds that the model declares."""

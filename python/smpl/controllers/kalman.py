@@ -105,15 +105,18 @@ class EstimatorOptions(Options):
     Attributes:
         initial: mean of the states (and parameters) before the first reading, by name or as an
             array of states.
-        deviation: their standard deviations, by name.
-        process_noise: standard deviation of the change that each step adds to a state, by name.
+        deviation: their standard deviations, by name. A declared disturbance that is named here is
+            estimated.
+        process_noise: standard deviation of the change that each step adds to a state or to a
+            disturbance, by name. A disturbance that is named here is estimated.
         parameters: parameters to estimate with the states: name -> standard deviation of their
             drift in a step.
         noise: standard deviations of the readings by name; None for the declared ones.
         p: values of parameters of the predicting model, by name.
         disturbances: names of declared disturbances that are estimated with the states, by their
-            rules; None for all that are random or depend on their own values. Drawn parameters of
-            their rules are estimated too.
+            rules; None for all that are random or leave their declared values by themselves. Drawn
+            parameters of their rules are estimated too. The others follow their rules from the
+            declared values on.
     """
 
     initial: Mapping[str, float] | FloatArray | None = None
@@ -126,7 +129,9 @@ class EstimatorOptions(Options):
 
     def prediction(self, model: Model) -> Prediction:
         """The prediction of an estimator with these options."""
-        return Prediction(model, self.parameters, self.process_noise, self.noise, self.p, self.disturbances)
+        return Prediction(
+            model, self.parameters, self.process_noise, self.noise, self.p, self.disturbances, self.deviation
+        )
 
 
 class ExtendedKalmanFilter(TakesWrapped):

@@ -157,8 +157,10 @@ class Given:
             known |= {f"x:{n}": v for n, v in zip(env.state_names, env.state.tolist(), strict=True)}
             known |= {f"z:{n}": v for n, v in zip(env.algebraic_names, env.algebraic.tolist(), strict=True)}
         else:
-            estimated = estimator.estimate
-            known |= {f"{'p' if n in self._e.model.parameter_names else 'x'}:{n}": v for n, v in estimated.items()}
+            states, estimated = self._e.model.state_names, estimator.estimate
+            known |= {f"p:{n}": self.nominal(f"p:{n}") for n in env.disturbance_names if f"p:{n}" in self._constant}
+            known |= {f"{'x' if n in states else 'p'}:{n}": v for n, v in estimated.items()}
+            known |= _disturbances(env, estimator)
         for key in self._constant:
             if key in known:
                 self._values[key] = known[key]
@@ -260,3 +262,12 @@ def values_of(argument: str, given: Any, steps: Any, times: Any) -> Any:
     if not len(series):
         raise ValueError(f"{argument} is empty, expected a value for each step")
     return series[np.minimum(steps, len(series) - 1)]
+
+
+def _disturbances(env: Env, estimator: Any) -> dict[str, float]:
+    """Disturbances of the coming step as the estimator predicts them, by key."""
+    if not hasattr(estimator, "prediction"):
+        return {}
+    discrete = dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))
+    found = estimator.prediction.ahead(estimator.estimate, env.action, env.steps, discrete)
+    return {f"p:{name}": float(values[0]) for name, values in found.items()}

@@ -89,9 +89,10 @@ class NMPCPrediction(Options):
         p: parameters of the predicting model by name; `"episode"` uses those of the plant's
             episode.
         estimator: `ExtendedKalmanFilter` or `MovingHorizonEstimator`, of which estimated parameters
-            count too; None for the state of the environment.
+            and disturbances count too; None for the state and the disturbances of the environment.
         offset_free: estimate a constant disturbance of each rate from prediction errors, so that
             outputs reach their set-points in spite of wrong parameters and unmeasured disturbances.
+            With an estimator, let it estimate a disturbance or a parameter instead.
         filter: share of each new prediction error in that estimate, 0 to 1.
         nodes: `radau` (Radau's nodes) or `gauss` (Gauss' nodes and the end of the element).
         degree: number of collocation nodes of an element.

@@ -247,21 +247,32 @@ class SamplingMPC(TakesWrapped):
         if state is None:
             by_name = dict(zip(env.state_names, env.state.tolist(), strict=True))
             state = np.array([by_name[name] for name in model.state_names])
-        discrete = {
-            name: value
-            for name, value in zip(env.discrete_names, env.discrete.tolist(), strict=True)
-            if name in model.discrete_names
-        }
+        known = dict(zip(env.discrete_names, env.discrete.tolist(), strict=True))
+        discrete = {name: value for name, value in known.items() if name in model.discrete_names}
+        parameters, disturbances = self._estimated(env, known, model, plans.shape[1])
         return rollout(
             model,
             state,
             plans,
-            parameters=self._p,
+            parameters=parameters,
             discrete=discrete,
+            disturbances=disturbances,
             first_step=env.steps,
             outputs=self._outputs,
             max_steps=env.max_steps,
         )
+
+    def _estimated(
+        self, env: Env, discrete: dict[str, float], model: Model, horizon: int
+    ) -> tuple[dict[str, float], dict[str, FloatArray]]:
+        """Parameters, and disturbances (horizon,), of the estimator and of `p`."""
+        estimated: dict[str, float] = getattr(self._estimator, "estimate", {})
+        parameters = {name: value for name, value in estimated.items() if name in model.parameter_names}
+        moving = [name for name in estimated if name in model.disturbance_names]
+        found: dict[str, FloatArray] = {}
+        if moving and self._estimator is not None and hasattr(self._estimator, "prediction"):
+            found = self._estimator.prediction.ahead(estimated, env.action, env.steps, discrete, horizon)
+        return {**parameters, **self._p}, {name: found[name] for name in moving if name in found}
 
     def _costs(self, found: Rollout, plans: FloatArray) -> FloatArray:
         costs = self._cost(found, plans) if callable(self._cost) else -found.rewards
