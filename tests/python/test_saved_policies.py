@@ -145,6 +145,51 @@ def test_physical_and_scaled_actions_are_not_mixed(tmp_path):
         made.check(env)
 
 
+@pytest.mark.parametrize(
+    "trained, other, message",
+    [
+        ({"normalize": "nominal"}, {}, r"trained with normalize='nominal', .* has normalize=True: .*normalize nominal"),
+        ({}, {"normalize": "nominal"}, r"trained with normalize=True, .* has normalize='nominal'"),
+        ({}, {"settings": {"step": 0.2}}, r"trained with steps of 0.1 min, .* has 0.2 min"),
+        ({}, {"extra": "variant w { action T_c : degC = 26.85 in 15..40 }", "variants": ["w"]},
+         r"trained with action_high\['T_c'\] = 35, .* has 40"),
+    ],
+)  # fmt: skip
+def test_another_scale_bounds_or_interval_than_in_training_are_refused(tmp_path, trained, other, message):
+    env = smpl.Env("reactor", **trained)
+    file = save_policy(untrained(env), tmp_path / "ppo.zip", env)
+    same, another = smpl.Env("reactor", **trained), smpl.Env("reactor", **other)
+    for one in (same, another):
+        one.reset(seed=0)
+    agent(f"PPO:{file}", same.model).check(same)
+    with pytest.raises(ValueError, match=message):
+        agent(f"PPO:{file}", another.model).check(another)
+
+
+def test_the_scale_beneath_a_formulation_does_not_matter(tmp_path):
+    env = formulated(PID)
+    file = save_policy(untrained(env), tmp_path / "ppo.zip", env)
+    nominal, physical = smpl.Env("reactor", normalize="nominal"), smpl.Env("reactor", normalize=False)
+    for one in (nominal, physical):
+        one.reset(seed=0)
+    agent(f"PPO:{file}", nominal.model).check(nominal)
+    with pytest.raises(ValueError, match="trained with normalize=True"):
+        agent(f"PPO:{file}", physical.model).check(physical)
+
+
+def test_a_formulation_next_to_an_exported_policy_is_not_for_it(tmp_path):
+    """The exported file has its formulation inside."""
+    env = formulated(PID)
+    save_policy(untrained(env), tmp_path / "ppo.zip", env)
+    assert (tmp_path / "ppo.formulation.json").is_file()
+    plain = smpl.Env("reactor")
+    smpl.deploy.export_policy("lqr", plain, "c", tmp_path / "ppo.c")
+    found = agent(str(tmp_path / "ppo.c"), plain.model)
+    plain.reset(seed=0)
+    found.check(plain)
+    assert type(found.chooser).__name__ == "Artefact"
+
+
 def test_what_cannot_be_saved_is_refused(tmp_path):
     env = formulated(PID)
     with pytest.raises(ValueError, match="expected a file that ends in"):

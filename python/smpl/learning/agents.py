@@ -12,8 +12,8 @@ from typing import Any
 from smpl.controllers.identity import AnonymousError, Description, identity, name_of
 from smpl.envs import Env
 from smpl.learning.names import named, names
-from smpl.learning.policy_files import FILES, load_policy
-from smpl.learning.saved import in_its_formulation, sidecars
+from smpl.learning.policy_files import FILES, TRAINED, load_policy
+from smpl.learning.saved import check_scaling, in_its_formulation, sidecars
 from smpl.model import Model
 from smpl.policies import Rows, acted, as_policy
 from smpl.support.arguments import FloatArray
@@ -39,6 +39,7 @@ class Agent:
         # Text and model that it was made from: in another process it is made anew, whatever it has
         # built meanwhile.
         self.origin: tuple[str, Model] | None = None
+        self._trained: Path | None = None
         self.policy = as_policy(chooser)
         if physical:
             self.policy.physical = True
@@ -78,9 +79,12 @@ class Agent:
         """Refuse an environment that the agent is not for: reset once as an episode would.
 
         Raises:
-            ValueError: a policy has other observations or actions than the environment.
+            ValueError: a policy has other observations or actions than the environment, or was
+                trained with another scale, other bounds or another sampling interval.
         """
         self.policy.check(env)
+        if self._trained is not None:
+            check_scaling(self._trained, env)
         self.policy.reset(env, env.episode[0])
 
 
@@ -107,9 +111,11 @@ def agent(spec: Any, model: Model, name: str | None = None) -> Agent:
         name, spec = name or labelled[1], labelled[2]
     file = Path(spec.rpartition(":")[2])
     is_file = file.suffix in FILES and spec not in names(model)
-    chooser = in_its_formulation(load_policy(spec), file, model) if is_file else named(spec, model)
-    made = Agent(name or _title(spec), chooser)
+    chooser = load_policy(spec) if is_file else named(spec, model)
+    trained = is_file and file.suffix in TRAINED
+    made = Agent(name or _title(spec), in_its_formulation(chooser, file, model) if trained else chooser)
     made.origin = (spec, model)
+    made._trained = file if trained else None
     return made
 
 
@@ -118,7 +124,8 @@ def _files(spec: str) -> dict[str, bytes]:
     file = _policy_file(spec)
     if file is None:
         return {}
-    return {one.name: one.read_bytes() for one in (file, *sidecars(file), *_header(file)) if one.is_file()}
+    beside = sidecars(file) if file.suffix in TRAINED else _header(file)
+    return {one.name: one.read_bytes() for one in (file, *beside) if one.is_file()}
 
 
 def _header(file: Path) -> tuple[Path, ...]:

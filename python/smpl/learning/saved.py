@@ -13,14 +13,16 @@ from smpl.learning.environments import Formulated, FormulatedVectorEnv
 from smpl.learning.formulation import FILE, Form, FormulatedPolicy, Formulation, LearnedBox, names_of
 from smpl.learning.policy_files import TRAINED
 from smpl.model import Model
+from smpl.support.scaling import NOMINAL
 from smpl.vector import VectorEnv
 
 
 def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
     """Writes a trained policy and the formulation of its training, which `--policy` uses.
 
-    The policy is written by its own `save`; the formulation, and the names of the observations and
-    actions of the environment, go to `NAME.formulation.json` next to it.
+    The policy is written by its own `save`. `NAME.formulation.json` next to it gets the
+    formulation, and of the environment the names of observations and actions, their scaling and the
+    sampling interval.
 
     Args:
         policy: of Stable-Baselines3 (`.zip`), of d3rlpy (`.d3`), or a TorchScript module (`.pt`).
@@ -48,9 +50,50 @@ def save_policy(policy: Any, path: str | Path, env: Any) -> Path:
     form, interface = _beneath(env)
     formulation = Formulation() if form is None else form.formulation
     policy.save(str(file))
-    text = json.dumps({**asdict(formulation), "environment": names_of(interface)}, indent=1)
+    known = {**asdict(formulation), "environment": names_of(interface), "scaling": _scaling(interface)}
+    text = json.dumps(known, indent=1)
     _sidecar(file).write_text(text + "\n", encoding="utf-8")
     return file
+
+
+def _scaling(interface: Interface) -> dict[str, Any]:
+    """Scale and bounds of the numbers that a policy meets, and the sampling interval."""
+    bounds = ("action_low", "action_high", "observation_low", "observation_high")
+    nominal = {"action_nominal": interface.model.action_nominal.tolist()} if interface.normalize == NOMINAL else {}
+    given = {name: getattr(interface, name).tolist() for name in bounds}
+    return {"normalize": interface.normalize, **given, **nominal, "step": float(interface.model.step)}
+
+
+def check_scaling(file: Path, env: Interface) -> None:
+    """Refuse an environment in which the numbers of a saved policy have another meaning.
+
+    Raises:
+        ValueError: another `normalize`, other bounds or another sampling interval than in training.
+    """
+    written = next((_read(one) for one in sidecars(file) if one.is_file()), None)
+    if written is None or not written[2]:
+        return
+    formulation, names, trained = written
+    here, where = _scaling(env), f"{env.model.name} (level {env.model.level!r})"
+    plain = formulation.shapes_rewards_only
+    scale, other = (one["normalize"] if plain else bool(one["normalize"]) for one in (trained, here))
+    if scale != other:
+        raise ValueError(
+            f"the policy {file} was trained with normalize={scale!r}, {where} has normalize={other!r}: "
+            f"evaluate it with normalize={scale!r} (--normalize {str(scale).lower()})"
+        )
+    if trained["step"] != here["step"]:
+        steps, unit = trained["step"], env.model.time_unit
+        raise ValueError(
+            f"the policy {file} was trained with steps of {steps:g} {unit}, {where} has {here['step']:g} {unit}"
+        )
+    for key in sorted(set(trained) & set(here) - {"normalize", "step"}) if scale else ():
+        for name, one, now in zip(names[f"{key.partition('_')[0]}s"], trained[key], here[key], strict=True):
+            if one != now:
+                raise ValueError(
+                    f"the policy {file} was trained with {key}[{name!r}] = {one:g}, {where} has {now:g}: its scaled "
+                    "numbers have another meaning there"
+                )
 
 
 def _beneath(env: Any) -> tuple[Form | None, Interface]:
@@ -109,7 +152,7 @@ def in_its_formulation(policy: Any, file: Path, model: Model) -> Any:
     written = next((_read(one) for one in sidecars(file) if one.is_file()), None)
     if own is None and written is None:
         return policy
-    formulation, names = written or (Formulation.of(own[0]), own[1])  # type: ignore[index]
+    formulation, names, _ = written or (Formulation.of(own[0]), own[1], {})  # type: ignore[index]
     if own is not None and Formulation.of(own[0]) != formulation:
         raise ValueError(
             f"{file} was trained in another formulation than the one that is next to it: remove "
@@ -120,12 +163,13 @@ def in_its_formulation(policy: Any, file: Path, model: Model) -> Any:
     return policy if formulation.shapes_rewards_only else FormulatedPolicy(policy, formulation)
 
 
-def _read(path: Path) -> tuple[Formulation, Mapping[str, Any]]:
-    """The formulation of a file, and the names that it states."""
+def _read(path: Path) -> tuple[Formulation, Mapping[str, Any], Mapping[str, Any]]:
+    """The formulation of a file, the names that it states, and the scaling."""
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
         names = dict(given.pop("environment", {}))
-        return Formulation.of(given), names
+        scaling = dict(given.pop("scaling", {}))
+        return Formulation.of(given), names, scaling
     except (ValueError, TypeError, AttributeError) as error:
         raise ValueError(f"{path} is not a formulation: {error}") from error
 
