@@ -21,6 +21,7 @@ from smpl.pictures import Picture, plot
 from smpl.registry import register_envs
 from smpl.support.files import announce_library
 from smpl.support.foreign import check as _check_foreign
+from smpl.support.hints import of_attribute
 from smpl.vector import VectorEnv, make_vec
 
 __all__ = [
@@ -45,14 +46,18 @@ __all__ = [
     "register_envs",
 ]
 
-_LAZY = ("controllers", "datasets", "deploy", "evaluation", "export", "jax", "optimize", "torch")
+_LAZY = (
+    "analysis", "controllers", "cuda", "datasets", "deploy", "evaluation", "export", "jax", "learning", "optimize",
+    "policies", "sb3", "torch", "wrappers",
+)  # fmt: skip
 
 
 def __getattr__(name: str) -> ModuleType:
     """Loads parts of the package at their first use."""
     if name in _LAZY:
         return importlib.import_module(f"smpl.{name}")
-    raise AttributeError(f"module 'smpl' has no attribute {name!r}", name=name)
+    hint = of_attribute("smpl", name, (*__all__, *_LAZY))
+    raise AttributeError(f"module 'smpl' has no attribute {name!r}{hint and f'; {hint}'}", name=name)
 
 
 def load_ipython_extension(shell: Any) -> None:

@@ -13,6 +13,7 @@ from smpl.episodes import Details, Episode
 from smpl.loop import Job, Player, Settings, Single, run_jobs
 from smpl.policies import as_policy
 from smpl.support.arguments import as_count
+from smpl.support.options import listed
 from smpl.support.seeds import SeedError, check_seed
 
 __all__ = [
@@ -58,6 +59,7 @@ def run_episode(env: Any, controller: Any, seed: int | None = None, options: dic
     return episode
 
 
+@listed
 def evaluate(
     env: Any,
     controller: Any,

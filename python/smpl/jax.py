@@ -28,12 +28,14 @@ from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
 from smpl.support.arguments import as_flag
 from smpl.support.optional import load
+from smpl.support.options import listed
 
 Array = Any
 
 __all__ = ["Trajectory", "Transition", "rollout", "step"]
 
 
+@listed
 def step(
     model: Model,
     x: Array,
@@ -104,6 +106,7 @@ def _steps(jax: Any, arguments: tuple[Any, ...], options: dict[str, Any], keep: 
     return Transition.of(layer, values) if layer.outputs else values
 
 
+@listed
 def rollout(
     model: Model,
     x: Array,

@@ -29,12 +29,14 @@ from smpl.analysis.rollout import check_first_step
 from smpl.model import Model
 from smpl.support.arguments import as_count, as_flag
 from smpl.support.optional import load
+from smpl.support.options import listed
 
 Tensor = Any
 
 __all__ = ["Trajectory", "Transition", "rollout", "step"]
 
 
+@listed
 def step(
     model: Model,
     x: Tensor,
@@ -105,6 +107,7 @@ def _steps(torch: Any, given: tuple[Any, ...], options: dict[str, Any], keep: bo
     return Transition.of(layer, values) if layer.outputs else values
 
 
+@listed
 def rollout(
     model: Model,
     x: Tensor,

@@ -1,13 +1,16 @@
 """Representations of objects, and answers to wrong uses."""
 
 import pickle
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
 import pytest
 
 import smpl
-from smpl.controllers import LQR, NMPC, PID, Constant, Loops, Uniform
+from smpl.controllers import LQR, NMPC, PID, Constant, ExtendedKalmanFilter, Loops, Nominal, Uniform
+from smpl.learning.formulation import Formulation
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +67,55 @@ def test_a_step_without_an_episode_needs_a_reset(reactor):
 
 def test_unknown_keywords_are_answered_by_a_list():
     with pytest.raises(
-        TypeError, match="PID has no argument 'Kp'; there are: measurement, action, gain, integral_time"
+        TypeError, match="PID has no argument 'Kp'; give gain; there are: measurement, action, gain, integral_time"
     ):
         PID("T", "T_c", Kp=1.0)
+
+
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda env: env.dt, r"'Env' object has no attribute 'dt'; use model.sampling_interval$"),
+        (
+            lambda env: env.model.actions_low,
+            r"no attribute 'actions_low'; did you mean 'action_low'\?$",
+        ),
+        (lambda env: env.model.zzz, r"'Model' object has no attribute 'zzz'$"),
+        (lambda env: smpl.RandomPolicy, r"no attribute 'RandomPolicy'; use controllers.Uniform$"),
+        (lambda env: smpl.controllers.RandomPolicy, r"no attribute 'RandomPolicy'; use Uniform$"),
+        (lambda env: ExtendedKalmanFilter(env).P, r"no attribute 'P'; use covariance$"),
+        (
+            lambda env: ExtendedKalmanFilter(env, P_w=1),
+            r"no argument 'P_w'; give process_noise",
+        ),
+        (
+            lambda env: smpl.Env(env.model, max_episode_steps=5),
+            r"Env has no argument .*; give max_steps; there",
+        ),
+        (lambda env: smpl.evaluation.evaluate(env, Nominal(), n_eval_episodes=5), r"evaluate has no .*; give episodes"),
+        (lambda env: env.model.rollout([0, 0, 0], [[0, 0]], params={}), r"rollout has no argument 'params'; give"),
+        (lambda env: Formulation.of({"residual_of": "pid"}), r"formulation: unknown 'residual_of'; give centre; there"),
+    ],
+)
+def test_names_of_other_packages_are_answered_by_the_right_ones(reactor, call, message):
+    env = smpl.Env(reactor)
+    with pytest.raises((AttributeError, TypeError, ValueError), match=message):
+        call(env)
+
+
+def test_parts_of_the_package_are_loaded_at_their_first_use():
+    code = "import smpl; smpl.policies.as_policy, smpl.learning.save_policy, smpl.wrappers.AroundNominal, smpl.analysis"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_an_error_inside_a_property_is_reported_itself():
+    class Broken(smpl.Env):
+        @property
+        def half(self):
+            return self.model.nothing_like_this
+
+    with pytest.raises(AttributeError, match="nothing_like_this"):
+        Broken("reactor").half  # noqa: B018
 
 
 def test_the_names_of_do_mpc_are_answered_by_the_right_ones(reactor):

@@ -175,11 +175,17 @@ def test_environments_take_the_model_of_another_and_list_their_arguments():
     env = smpl.Env("reactor", observation="full", reward="setpoint_change")
     batch = smpl.VectorEnv(gymnasium.wrappers.ClipAction(env), 4)
     assert batch.model is env.model and smpl.Env(env).model is env.model
-    with pytest.raises(TypeError, match="Env has no argument 'rewards'; there are: model, normalize, "):
+    with pytest.raises(
+        TypeError, match=r"Env has no argument 'rewards'; did you mean 'reward'\?; there are: model, normalize, "
+    ):
         gymnasium.make("smpl/Reactor-v0", rewards="setpoint")
-    with pytest.raises(TypeError, match="VectorEnv has no argument 'rewards'; there are: model, num_envs, "):
+    with pytest.raises(
+        TypeError, match=r"VectorEnv has no argument 'rewards'; did you mean 'reward'\?; there are: model, num_envs, "
+    ):
         smpl.make_vec("reactor", 2, rewards="setpoint")
-    with pytest.raises(TypeError, match="compile has no argument 'rewards'; there are: path, source, "):
+    with pytest.raises(
+        TypeError, match=r"compile has no argument 'rewards'; did you mean 'reward'\?; there are: path, source, "
+    ):
         smpl.compile("reactor", rewards="setpoint")
 
 

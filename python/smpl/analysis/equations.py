@@ -21,6 +21,7 @@ from smpl.support.arguments import (
 )
 from smpl.support.names import Named
 from smpl.support.optional import load
+from smpl.support.options import listed
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -99,6 +100,7 @@ class Equations(Named):
         """
         return self.native.rhs(as_finite_number("t", t), self._y(y), self._u(u), self._given(p))
 
+    @listed
     def steady_state(
         self,
         u: npt.ArrayLike,
@@ -129,6 +131,7 @@ class Equations(Named):
         begin = pairs_of("guess", guess, self.unknown_names)
         return self.native.steady_state(self._u(u), self._given(p), held, begin)
 
+    @listed
     def trim(
         self,
         fixed: Mapping[str, float],

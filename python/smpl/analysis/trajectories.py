@@ -11,6 +11,7 @@ from smpl.analysis.adjoint import EpisodeGradient, gradient
 from smpl.analysis.rollout import Rollout, rollout
 from smpl.analysis.sensitivity import StepDerivatives, linearize_rollout, linearize_step
 from smpl.support.arguments import FloatArray
+from smpl.support.options import listed
 
 if TYPE_CHECKING:
     from smpl.model import Model
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 class Trajectories:
     """Trajectories of a compiled model and their derivatives."""
 
+    @listed
     def rollout(
         self,
         states: npt.ArrayLike,
@@ -79,6 +81,7 @@ class Trajectories:
             history=history,
         )
 
+    @listed
     def sensitivity(
         self,
         x: npt.ArrayLike,
@@ -104,6 +107,7 @@ class Trajectories:
         )
         return found.states, found.dx_dx, found.dx_du, found.dx_dp
 
+    @listed
     def linearize_step(
         self,
         x: npt.ArrayLike,
@@ -200,6 +204,7 @@ class Trajectories:
             first_step=first_step,
         )
 
+    @listed
     def gradient(
         self,
         x: npt.ArrayLike,

@@ -20,6 +20,7 @@ from smpl.controllers.reactor import Proportional
 from smpl.controllers.safety import SafetyFilter
 from smpl.controllers.sampling import SamplingMPC, SamplingOptions
 from smpl.policies import as_policy
+from smpl.support.hints import of_attribute
 
 __all__ = [
     "LQG",
@@ -64,9 +65,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Former names."""
+    """Former names, and names of other packages."""
     if name == "as_player":
         text = "smpl.controllers.as_player is deprecated, use smpl.policies.as_policy"
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return as_policy
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+    hint = of_attribute(__name__, name, __all__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint and f'; {hint}'}", name=name)

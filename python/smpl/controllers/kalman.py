@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from smpl.controllers.estimation import Prediction, discrete_of
 from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_number
+from smpl.support.hints import refuse_attribute
 from smpl.support.options import Options, takes
 
 
@@ -153,6 +154,12 @@ class ExtendedKalmanFilter(TakesWrapped):
         nis: normalised innovation squared of the last readings; its expected value is their number.
         derivatives: `exact`, or in how many steps of the episode they were differences, and why.
     """
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Answer names of other packages by the right ones."""
+            refuse_attribute(self, name)
 
     @takes(EstimatorOptions)
     def __init__(self, model: Model | Env, options: EstimatorOptions) -> None:

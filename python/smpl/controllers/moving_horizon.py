@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count
 from smpl.support.clock import Clock, as_seconds
+from smpl.support.hints import refuse_attribute
 from smpl.support.optional import load
 from smpl.support.options import takes
 
@@ -94,6 +95,12 @@ class MovingHorizonEstimator(TakesWrapped):
             expected value is the number of the readings in the window, `degrees`.
         derivatives: as of `ExtendedKalmanFilter`.
     """
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Answer names of other packages by the right ones."""
+            refuse_attribute(self, name)
 
     @takes(MovingHorizonOptions, "horizon")
     def __init__(self, model: Model | Env, options: MovingHorizonOptions) -> None:

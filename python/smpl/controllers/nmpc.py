@@ -30,6 +30,7 @@ from smpl.envs import Env
 from smpl.model import Model
 from smpl.support.arguments import FloatArray, as_count, as_mapping, as_number
 from smpl.support.clock import as_seconds
+from smpl.support.hints import refuse_attribute
 from smpl.support.names import listing
 from smpl.support.options import takes
 
@@ -103,8 +104,7 @@ class NMPC(TakesWrapped):
 
     def __getattr__(self, name: str) -> Any:
         """Answer do-mpc's names by the right ones."""
-        hint = f"; do-mpc's {name} is {self.FOREIGN[name]}" if name in self.FOREIGN else ""
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{hint}", name=name, obj=self)
+        refuse_attribute(self, name, {one: f"do-mpc's {one} is {other}" for one, other in self.FOREIGN.items()})
 
     @takes(NMPCOptions, "horizon", "cost")
     def __init__(self, env_or_model: Env | Model, options: NMPCOptions) -> None:

@@ -33,6 +33,7 @@ from smpl.support.arguments import (
     check_names,
     elements,
 )
+from smpl.support.hints import of_argument
 from smpl.support.scaling import from_unit
 from smpl.support.seeds import native_seed
 
@@ -112,7 +113,11 @@ class Formulation:
         """
         if isinstance(given, Formulation):
             return given
-        check_names("formulation", given or {}, [one.name for one in fields(cls)])
+        known = [one.name for one in fields(cls)]
+        for name in given or {}:
+            if name not in known and (hint := of_argument("formulation", name, known)):
+                raise ValueError(f"formulation: unknown {name!r}; {hint}; there are: {', '.join(known)}")
+        check_names("formulation", given or {}, known)
         return cls(**(given or {}))
 
     def reward(self, rewards: Array, failed: Array) -> Array:

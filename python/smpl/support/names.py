@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from smpl import _native
+from smpl.support.hints import refuse_attribute
 
 Names = tuple[str, ...]
 _WITH_UNITS = ("state", "algebraic", "discrete", "action", "observation", "disturbance", "parameter", "reward")
@@ -49,7 +50,7 @@ class Named:
             role, _, kind = name.partition("_")
             named = self.__dict__.get("_named")
             if named is None or role not in _WITH_UNITS or kind not in ("names", "units", "names_units"):
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+                refuse_attribute(self, name)
             if isinstance(named, Named):
                 values = getattr(named, name)
             else:

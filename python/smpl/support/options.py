@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
 from smpl.support.arguments import shorten
+from smpl.support.hints import of_argument
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -107,11 +108,13 @@ def expanded(
 
 def listed(method: Callable[P, T]) -> Callable[P, T]:
     """Decorates a function so that an unknown keyword argument is answered by the valid ones."""
-    signature, who = inspect.signature(method), method.__qualname__.removesuffix(".__init__")
+    signature = inspect.signature(method)
+    who = method.__qualname__.removesuffix(".__init__").rpartition(".")[2]
 
     @functools.wraps(method)
     def calling(*given: P.args, **named: P.kwargs) -> T:
-        check_keywords(who, signature, named)
+        if named:
+            check_keywords(who, signature, named)
         return method(*given, **named)
 
     return calling
@@ -129,7 +132,7 @@ def check_keywords(
         hints: replacements of names that other packages use.
 
     Raises:
-        TypeError: lists the valid names.
+        TypeError: lists the valid names, with the most similar one.
     """
     known = signature.parameters.values()
     if any(one.kind is one.VAR_KEYWORD for one in known):
@@ -137,7 +140,7 @@ def check_keywords(
     names = [one.name for one in known if one.kind is not one.VAR_POSITIONAL and one.name != "self"]
     for name in named:
         if name not in names:
-            hint = (hints or {}).get(name, "")
+            hint = (hints or {}).get(name) or of_argument(who, name, names)
             raise TypeError(f"{who} has no argument {name!r}{hint and f'; {hint}'}; there are: {', '.join(names)}")
 
 
