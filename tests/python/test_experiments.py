@@ -257,10 +257,87 @@ def test_wrong_arguments_are_refused(call, message):
 
 
 def test_an_output_without_a_deviation_is_refused():
-    with pytest.raises(ValueError, match="y has no standard deviation: give noise"):
+    with pytest.raises(ValueError, match=r"y of the level .* has no standard deviation: give noise"):
         information(smpl.compile(source=LAG), np.ones((4, 1)), ["tau"], outputs=["y"])
 
 
 def test_a_model_without_actions_has_no_design():
     with pytest.raises(ValueError, match="Decay has no action to choose"):
         design(compiled(DECAY), 4, ["k"])
+
+
+# A heated kettle with a decay: the rate, its activation and the loss of heat.
+KETTLE = """
+model Kettle
+time t : min
+episode { step = 2 [min], max_steps = 100, error_reward = -500 }
+param k_0 : 1/min = 0.08 in 0.001..1
+param E : K = 6000 in 1000..20000
+param UA : kJ/(min K) = 12 in 1..100
+action Q : kJ/min = 600 in 0..1500
+action F : L/min = 1 in 0..5
+state c : mol/L = 1 in 0..5
+state T : degC = 60 in 0..120
+let k : 1/min = k_0 * exp(E * (1/(333.15 [K]) - 1/kelvin(T)))
+eq d/dt c = F/(50 [L])*(2 [mol/L] - c) - k*c
+eq d/dt T = F/(50 [L])*(20 [degC] - T) + (Q - UA*(T - 20 [degC])) / (209 [kJ/K])
+reward r default = 0
+fail boil when T > 100 [degC]
+observe c, T
+level noisy {
+  observe T noise normal(0, 0.2)
+  observe c every 3 delay 1 noise normal(0, 0.01)
+}
+"""
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "E"])
+def test_the_search_reaches_the_best_of_a_grid(criterion):
+    """Rows are the best of 3^8 sequences of levels 0, 1/2, 1, found by an own integration and differences."""
+    model, names = compiled(KETTLE), ["k_0", "E", "UA"]
+    middle = {"D": [1500.0, 750.0], "A": [750.0, 1500.0], "E": [750.0, 1500.0]}[criterion]
+    grid = np.repeat([[middle[0], 5.0], [1500.0, 0.0], [1500.0, 0.0], [middle[1], 0.0]], 2, axis=0)
+    scale = np.array([0.08, 6000.0, 12.0])
+
+    def value(found):
+        sizes = np.linalg.eigvalsh(found.matrix * np.outer(scale, scale))
+        return {"D": np.prod(sizes) ** (1 / 3), "A": 3 / np.sum(1 / sizes), "E": sizes[0]}[criterion]
+
+    plan = design(model, 8, names, hold=2, criterion=criterion)
+    assert value(plan.information) >= 0.999 * value(information(model, grid, names))
+    assert plan.gain == pytest.approx(value(plan.information) / value(plan.nominal), rel=1e-6)
+    assert "steps 0 to 1: Q = " in str(plan) and f"criterion {criterion}: " in str(plan)
+
+
+def test_the_information_of_the_kettle_is_that_of_differences():
+    scipy = pytest.importorskip("scipy.integrate")
+    actions = np.array([[600.0, 1.0]] * 5 + [[1200.0, 2.0]] * 5 + [[300.0, 0.5]] * 6)
+
+    def samples(values):
+        k_0, E, UA = values
+        rows = [np.array([1.0, 60.0])]
+        for Q, F in actions:
+
+            def rates(_, y, Q=Q, F=F):
+                k = k_0 * np.exp(E * (1 / 333.15 - 1 / (y[1] + 273.15)))
+                heat = F / 50 * (20 - y[1]) + (Q - UA * (y[1] - 20)) / 209
+                return [F / 50 * (2 - y[0]) - k * y[0], heat]
+
+            rows.append(scipy.solve_ivp(rates, (0, 2), rows[-1], rtol=1e-10, atol=1e-12).y[:, -1])
+        found = np.array(rows)
+        return np.concatenate([found[:, 1] / 0.2, found[::3, 0] / 0.01])
+
+    point, steps = np.array([0.08, 6000.0, 12.0]), np.diag([8e-6, 0.6, 1.2e-3])
+    slope = np.stack(
+        [(samples(point + one) - samples(point - one)) / (2 * one.max()) for one in steps], axis=1
+    )  # fmt: skip
+    found = information(compiled(KETTLE), actions, ["k_0", "E", "UA"])
+    np.testing.assert_allclose(found.matrix, slope.T @ slope, rtol=1e-5)
+
+
+def test_a_level_without_noise_names_what_to_give():
+    model = smpl.compile(source=KETTLE)
+    message = r"c, T of the level 'default' .*: give noise=\{'c': \.\.\., 'T': \.\.\.\}, .*levels: noisy, full"
+    for call in (lambda: information(model, np.ones((3, 2)), ["k_0"]), lambda: design(model, 3, ["k_0"])):
+        with pytest.raises(ValueError, match=message):
+            call()

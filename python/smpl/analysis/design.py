@@ -60,6 +60,18 @@ class Design:
     gain: float
     evaluations: int
 
+    def __str__(self) -> str:
+        """Moves of the actions, the gain and the deviations."""
+        changes = np.flatnonzero(np.r_[True, (self.actions[1:] != self.actions[:-1]).any(axis=1)])
+        ends = np.append(changes[1:], len(self.actions))
+        rows = [
+            f"steps {start} to {end - 1}: "
+            + ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, self.actions[start], strict=True))
+            for start, end in zip(changes, ends, strict=True)
+        ]
+        gain = f"criterion {self.criterion}: {self.gain:.3g} times better than the nominal actions"
+        return "\n".join([*rows, gain, str(self.information)])
+
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the actions as a table for `smpl simulate --actions`."""
         with Path(path).open("w", newline="", encoding="utf-8") as file:
@@ -80,6 +92,7 @@ class DesignOptions(Options):
         keep: actions that stay nominal.
         start: states at the start by name; others are nominal.
         candidates: random sequences that are compared first.
+        starts: number of the best sequences whose actions are exchanged; the best result counts.
         rounds: exchanges of every action, at most.
         seed: of the random sequences.
         outputs, noise, fixed, prior, derivatives, method: as for `information`.
@@ -91,6 +104,7 @@ class DesignOptions(Options):
     keep: Sequence[str] = ()
     start: Mapping[str, float] | None = None
     candidates: int = 32
+    starts: int = 4
     rounds: int = 20
     seed: int = 0
     outputs: Iterable[str] | None = None
@@ -105,9 +119,10 @@ class DesignOptions(Options):
 def design(model: Model, steps: int, parameters: Iterable[str] | Mapping[str, float], options: DesignOptions) -> Design:
     """Actions over `steps` steps that show most about the parameters.
 
-    The best of random sequences is improved by exchange of one action at a time among five levels,
-    then by L-BFGS-B with differences of exact sensitivities. The result is a local optimum. Samples
-    after a declared failure do not count, so that experiments that end early have less information.
+    The best random sequences are improved by exchange of one action at a time among five levels,
+    then the best of these by L-BFGS-B with differences of exact sensitivities. The result is a
+    local optimum. Samples after a declared failure do not count, so that experiments that end early
+    have less information.
 
     Args:
         model: a model with actions, compiled with the observation level of the experiment.
@@ -150,7 +165,8 @@ class _Search:
         count = (int(self._rows[-1]) + 1) * len(self._moved)
         nominal = self._information(self._run.actions)
         self._problem.keep_kind_of_derivatives()
-        point = self._exchanged(self._best(count))
+        exchanged = [self._exchanged(point) for point in self._best(count)]
+        point = min(exchanged, key=self._loss)
         found = optimize.minimize(
             self._loss, point, jac=self._gradient, method="L-BFGS-B", bounds=[(0, 1)] * count, options={"maxiter": 50}
         )
@@ -205,8 +221,8 @@ class _Search:
             found[i] = (self._loss(moved) - base) / (moved[i] - point[i])
         return np.where(np.isfinite(found), found, 0.0)
 
-    def _best(self, count: int) -> FloatArray:
-        """The best of the nominal and of random sequences."""
+    def _best(self, count: int) -> list[FloatArray]:
+        """The best different ones of the nominal and of random sequences."""
         random = np.random.default_rng(self._options.seed)
         width = np.where(self._high > self._low, self._high - self._low, 1.0)
         centre = np.clip((self._nominal[self._moved] - self._low) / width, 0, 1)
@@ -217,7 +233,11 @@ class _Search:
         losses = [self._loss(point) for point in points]
         if not np.isfinite(losses).any():
             self._slope(self._actions(points[0]))  # raises the reason
-        return points[int(np.argmin(losses))]
+        found: list[FloatArray] = []
+        for place in np.argsort(losses).tolist():
+            if np.isfinite(losses[place]) and not any((points[place] == one).all() for one in found):
+                found.append(points[place])
+        return found[: as_count("starts", self._options.starts)]
 
     def _exchanged(self, point: FloatArray) -> FloatArray:
         """Exchanges one action at a time while the criterion rises."""

@@ -171,7 +171,14 @@ def problem_of(model: Model, runs: Any, parameters: Any, options: InformationOpt
     problem = Problem(model, runs, parameters, FitOptions(**shared), planned=True)
     unknown = [name for name, known in zip(problem.outputs, problem.known, strict=True) if not known]
     if unknown:
-        raise ValueError(f"{', '.join(unknown)} has no standard deviation: give noise, or a level that declares it")
+        given, others = (
+            ", ".join(f"{name!r}: ..." for name in unknown),
+            [one for one in model.levels if one != model.level],
+        )
+        raise ValueError(
+            f"{', '.join(unknown)} of the level {model.level!r} has no standard deviation: give noise={{{given}}}, or "
+            f"compile the model with a level that declares it (other levels: {', '.join(others)})"
+        )
     problem.choose(options.derivatives)
     return problem
 
