@@ -103,6 +103,10 @@ def test_croissant_metadata_names_every_column_and_file(made):
     content = json.loads((made / "croissant.json").read_text())
     columns = {one["name"] for one in content["recordSet"][0]["field"]}
     assert {"episode", "reward", "observation.T", "action.T_c", "physical.q_out", "violation.empty"} <= columns
+    about = {one["name"]: one["description"] for one in content["recordSet"][0]["field"]}
+    assert about["time"].endswith(", in min")
+    assert about["observation.h"].endswith("h; -1 to 1 is 1e-08 to 1.0 m")
+    assert about["physical.T_c"].endswith("T_c, 15.0 to 35.0 degC")
     parts = [one for one in content["distribution"] if one["@type"] == "cr:FileObject"]
     assert {one["contentUrl"] for one in parts} == {f"episodes/{one.name}" for one in made.glob("episodes/*.parquet")}
     assert content["license"] and content["citeAs"] and content["conformsTo"].endswith("/1.0")

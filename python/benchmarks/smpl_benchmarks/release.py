@@ -150,7 +150,7 @@ def croissant(recipe: Recipe, dataset: Dataset, folder: Path) -> dict[str, Any]:
             "@type": "cr:Field",
             "@id": f"steps/{column.name}",
             "name": column.name,
-            "description": _column(column.name),
+            "description": _column(column.name, dataset),
             "dataType": _TYPES[str(column.type)],
             "source": {"fileSet": {"@id": "parts"}, "extract": {"column": column.name}},
         }
@@ -195,9 +195,20 @@ _GROUPS = {
 }
 
 
-def _column(name: str) -> str:
+def _column(name: str, dataset: Dataset) -> str:
+    """Description of a column, with unit and range."""
     group, _, inner = name.partition(".")
-    return _COLUMNS.get(name) or f"{_GROUPS.get(group, group)}: {inner}"
+    about, named = dataset.manifest.about, dataset.manifest.names
+    if name == "time":
+        return f"{_COLUMNS[name]}, in {about['time_unit']}"
+    text = _COLUMNS.get(name) or f"{_GROUPS.get(group, group)}: {inner}"
+    kind = "action" if group == "physical" else group
+    if kind not in ("action", "observation") or inner not in named[f"{kind}s"]:
+        return text
+    place = list(named[f"{kind}s"]).index(inner)
+    low, high, unit = (about[f"{kind}_{key}"][place] for key in ("low", "high", "units"))
+    ends = f"{low} to {high} {unit}"
+    return f"{text}, {ends}" if group == "physical" else f"{text}; -1 to 1 is {ends}"
 
 
 def _purpose(recipe: Recipe) -> str:
