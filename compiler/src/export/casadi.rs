@@ -194,13 +194,13 @@ def build(kind=KIND, smooth=0.0):
             outputs = list(values[name]) if len(results) > 1 else [values[name]]
             made[name] = ca.Function(name, inputs, outputs, arguments, results)
         x, u, p, nothing = symbols["x"], symbols["u"], symbols["p"], getattr(ca, kind)(0, 1)
-        if EXPLICIT and not ALGEBRAIC:
+        if "rates" in values and not ALGEBRAIC:
             made["rhs"] = ca.Function("rhs", [x, u, p], [_rates(x, nothing, u, p)], ["x", "u", "p"], ["ode"])
     finally:
         _width = 0.0
     if EXPLICIT:
-        z, algebraic = symbols["z"], values.get("algebraic", nothing)
-        made["dae"] = ca.Function("dae", [x, z, u, p], [values["rates"], algebraic], ["x", "z", "u", "p"], ["ode", "alg"])
+        z, rates, algebraic = symbols["z"], values.get("rates", nothing), values.get("algebraic", nothing)
+        made["dae"] = ca.Function("dae", [x, z, u, p], [rates, algebraic], ["x", "z", "u", "p"], ["ode", "alg"])
     count = len(NAMES.get("rewards", []))
     made["rewards"] = {NAMES["rewards"][i]: made.pop(f"reward_{i}") for i in range(count)}
     return made

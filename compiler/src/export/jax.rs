@@ -25,7 +25,12 @@ pub(super) fn print(model: &Model, nominal: &Nominal<'_>, origin: &Origin<'_>) -
     }
     text += "}\n";
     if module.sheet.model.explicit {
-        text += if module.sheet.families.solved.is_empty() { RHS } else { DAE };
+        let families = &module.sheet.families;
+        text += match (families.states.is_empty(), families.solved.is_empty()) {
+            (true, _) => "",
+            (false, true) => RHS,
+            (false, false) => DAE,
+        };
     }
     Ok(text)
 }
