@@ -68,7 +68,7 @@ fn branches_that_meet_at_the_threshold_are_kinks() {
 #[test]
 fn a_factor_that_is_zero_somewhere_hides_no_jump() {
     let jump = "(if x > a then 1 else 0.15)";
-    // Factors, and the least number of their own switches, which are none where time moves them.
+    // Factors, and the least number of switches in each; one that time moves is a break.
     let factors = [
         ("max(t - 10, 0)", 0),
         ("max(k - 10, 0)", 1),

@@ -194,6 +194,9 @@ def build(kind=KIND, smooth=0.0):
             outputs = list(values[name]) if len(results) > 1 else [values[name]]
             made[name] = ca.Function(name, inputs, outputs, arguments, results)
         x, u, p, nothing = symbols["x"], symbols["u"], symbols["p"], getattr(ca, kind)(0, 1)
+        if "residual" not in made:
+            arguments = ["dx", "x", "z", "u", "p"]
+            made["residual"] = ca.Function("residual", [symbols[name] for name in arguments], [nothing], arguments, ["out"])
         if "rates" in values and not ALGEBRAIC:
             made["rhs"] = ca.Function("rhs", [x, u, p], [_rates(x, nothing, u, p)], ["x", "u", "p"], ["ode"])
     finally:
