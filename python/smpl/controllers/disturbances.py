@@ -235,9 +235,8 @@ class Disturbances:
         every, numbers = self._defaults.copy(), self._drawn(np.full(len(self._normal), 0.5))
         every[self._places], numbers[self._drawn_places] = present[: self.moving], present[self.moving :]
         for step in range(steps if count else 0):
-            every = self._evaluate(state[None], every[None], action, at + step, discrete, parameters, numbers[None])[0][
-                0
-            ]
+            later, _ = self._evaluate(state[None], every[None], action, at + step, discrete, parameters, numbers[None])
+            every = later[0]
             found[step] = every
         return dict(zip(self._model.disturbance_names, found.T, strict=True))
 
