@@ -67,9 +67,7 @@ def _made(method: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(method)
     def making(self: Any, *given: Any, **named: Any) -> Any:
         given, named = expanded(method, given, named)
-        foreign = getattr(self, "FOREIGN", {})
-        hints = {name: f"do-mpc's {name} is {other}" for name, other in foreign.items()}
-        check_keywords(type(self).__name__, signature, named, hints)
+        check_keywords(type(self).__name__, signature, named)
         if not hasattr(self, SHOWN):  # a subclass has its own arguments
             with contextlib.suppress(TypeError):  # the call reports what is wrong with them
                 bound = signature.bind(self, *given, **named)

@@ -8,7 +8,6 @@ Pannocchia, J. B. Rawlings, AIChE Journal 49 (2003) 426-437.
 from __future__ import annotations
 
 import time
-import types
 import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -78,33 +77,9 @@ class NMPC(TakesWrapped):
         controller = NMPC(env, NMPCObjective(cost={"c_A": 100}), NMPCSolver(solver="ipopt"))
     """
 
-    # Names of do-mpc, with what does the same here.
-    FOREIGN = types.MappingProxyType({
-        "n_horizon": "horizon",
-        "t_step": "the model's sampling interval (`settings={'step': ...}` of smpl.compile)",
-        "n_robust": "not available: robust horizons are not implemented",
-        "set_objective": "the arguments cost, terminal and set_point",
-        "set_rterm": "the argument rate_weight, per squared unit of the action (do-mpc's counts scaled actions)",
-        "set_nl_cons": "a `constraint` of the model, or the argument bounds",
-        "set_param": "the arguments of smpl.controllers.NMPC",
-        "set_tvp_fun": "the argument forecast",
-        "set_p_fun": "the argument p",
-        "set_initial_guess": "reset(env); further guesses by the argument starts",
-        "setup": "reset(env)",
-        "make_step": "action(env)",
-        "u0": "action(env)",
-        "x0": "the state of the environment, or of the argument estimator",
-        "bounds_lower": "bounds",
-        "collocation_deg": "degree",
-        "collocation_ni": "elements",
-        "state_discretization": "nodes",
-        "nlpsol_opts": "solver, iterations and tolerance",
-        "store_full_solution": "plan and predicted",
-    })  # fmt: skip
-
     def __getattr__(self, name: str) -> Any:
         """Answer do-mpc's names by the right ones."""
-        refuse_attribute(self, name, {one: f"do-mpc's {one} is {other}" for one, other in self.FOREIGN.items()})
+        refuse_attribute(self, name)
 
     @takes(NMPCOptions, "horizon", "cost")
     def __init__(self, env_or_model: Env | Model, options: NMPCOptions) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, NoReturn
 
 _ENVIRONMENT = {
@@ -66,6 +66,31 @@ _EVALUATION = {
 _TRAJECTORY = {
     "params": "give parameters by name: parameters={NAME: value}, or p in derivatives",
     "x0": "give the states first",
+}
+# Names of do-mpc by class, with what does the same here.
+DO_MPC: dict[str, dict[str, str]] = {
+    "NMPC": {
+        "n_horizon": "horizon",
+        "t_step": "the model's sampling interval (`settings={'step': ...}` of smpl.compile)",
+        "n_robust": "not available: robust horizons are not implemented",
+        "set_objective": "the arguments cost, terminal and set_point",
+        "set_rterm": "the argument rate_weight, per squared unit of the action (do-mpc's counts scaled actions)",
+        "set_nl_cons": "a `constraint` of the model, or the argument bounds",
+        "set_param": "the arguments of smpl.controllers.NMPC",
+        "set_tvp_fun": "the argument forecast",
+        "set_p_fun": "the argument p",
+        "set_initial_guess": "reset(env); further guesses by the argument starts",
+        "setup": "reset(env)",
+        "make_step": "action(env)",
+        "u0": "action(env)",
+        "x0": "the state of the environment, or of the argument estimator",
+        "bounds_lower": "bounds",
+        "collocation_deg": "degree",
+        "collocation_ni": "elements",
+        "state_discretization": "nodes",
+        "nlpsol_opts": "solver, iterations and tolerance",
+        "store_full_solution": "plan and predicted",
+    },
 }
 # Arguments by function or class.
 ARGUMENTS: dict[str, dict[str, str]] = {
@@ -234,7 +259,7 @@ ATTRIBUTES: dict[str, dict[str, str]] = {
 def of_argument(who: str, name: str, names: Iterable[str]) -> str:
     """Advice for an unknown argument: the name of smpl, or a similar one; empty without any."""
     known = list(names)
-    return ARGUMENTS.get(who, {}).get(name) or _similar(name, known)
+    return _of_do_mpc(who, name) or ARGUMENTS.get(who, {}).get(name) or _similar(name, known)
 
 
 def of_attribute(owner: str, name: str, names: Iterable[str] = ()) -> str:
@@ -242,7 +267,12 @@ def of_attribute(owner: str, name: str, names: Iterable[str] = ()) -> str:
     if name.startswith("_"):
         return ""
     found = ATTRIBUTES.get(owner, {}).get(name)
-    return f"use {found}" if found else _similar(name, names)
+    return _of_do_mpc(owner, name) or (f"use {found}" if found else _similar(name, names))
+
+
+def _of_do_mpc(owner: str, name: str) -> str:
+    other = DO_MPC.get(owner, {}).get(name)
+    return f"do-mpc's {name} is {other}" if other else ""
 
 
 def _similar(name: str, names: Iterable[str]) -> str:
@@ -251,13 +281,12 @@ def _similar(name: str, names: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else ""
 
 
-def refuse_attribute(owner: object, name: str, others: Mapping[str, str] | None = None) -> NoReturn:
+def refuse_attribute(owner: object, name: str) -> NoReturn:
     """Raise the error of an attribute that an object does not have.
 
     Args:
         owner: the object.
         name: of the attribute.
-        others: further advice by name.
 
     Raises:
         AttributeError: with the name of smpl, if another one is known.
@@ -267,6 +296,6 @@ def refuse_attribute(owner: object, name: str, others: Mapping[str, str] | None 
         own.fget(owner)  # the property raised an AttributeError: raise that one
     kinds: list[Any] = [one for one in type(owner).__mro__ if one.__name__ in ATTRIBUTES]
     kind = kinds[0].__name__ if kinds else ""
-    advice = (others or {}).get(name) or of_attribute(kind, name, () if others is not None else dir(type(owner)))
+    advice = of_attribute(kind, name, dir(type(owner)))
     text = f"{type(owner).__name__!r} object has no attribute {name!r}{advice and f'; {advice}'}"
     raise AttributeError(text, name=name, obj=owner)

@@ -120,16 +120,13 @@ def listed(method: Callable[P, T]) -> Callable[P, T]:
     return calling
 
 
-def check_keywords(
-    who: str, signature: inspect.Signature, named: Mapping[str, Any], hints: Mapping[str, str] | None = None
-) -> None:
+def check_keywords(who: str, signature: inspect.Signature, named: Mapping[str, Any]) -> None:
     """Refuse keyword arguments that a function does not have.
 
     Args:
         who: name of the function in the message.
         signature: its signature.
         named: keyword arguments of the call.
-        hints: replacements of names that other packages use.
 
     Raises:
         TypeError: lists the valid names, with the most similar one.
@@ -140,7 +137,7 @@ def check_keywords(
     names = [one.name for one in known if one.kind is not one.VAR_POSITIONAL and one.name != "self"]
     for name in named:
         if name not in names:
-            hint = (hints or {}).get(name) or of_argument(who, name, names)
+            hint = of_argument(who, name, names)
             raise TypeError(f"{who} has no argument {name!r}{hint and f'; {hint}'}; there are: {', '.join(names)}")
 
 
